@@ -1,0 +1,130 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// The engine: one call per period takes the newest hand sample and returns what the hand should feel.
+// Pure and deterministic: the same config, scene and samples give the same bits. All memory is the
+// caller's. One engine at a time per process (ODE keeps its allocator in globals); one thread at a time.
+#ifndef GLOVED_ENGINE_H
+#define GLOVED_ENGINE_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+#include "gloved/hand.h"
+#include "gloved/scene.h"
+
+typedef enum gv_rotation_law { GV_ROTATION_LOG, GV_ROTATION_PAPER } gv_rotation_law;
+typedef enum gv_friction { GV_FRICTION_PYRAMID, GV_FRICTION_FIXED_LIMIT } gv_friction;
+typedef enum gv_solver { GV_SOLVER_AUTO, GV_SOLVER_DANTZIG, GV_SOLVER_QUICK } gv_solver;
+
+// Spring-damper of one limb (Eqn 1, 2), integrated by backward Euler.
+typedef struct gv_coupling {
+  double k_f;       // N/m
+  double d_f;       // N s/m; below 0: critical damping 2 sqrt(k m)
+  double k_t;       // N m/rad in the log law; in the paper's law the small-angle stiffness is 2 k_t
+  double d_t;       // N m s/rad; below 0: critical damping of the mean inertia
+} gv_coupling;
+
+typedef struct gv_config {
+  double step_s;               // integration step h; the loop's period is the process's business
+  gv_hand_model hand;
+  gv_calibration calibration;
+  gv_pose T_receiver_wrist;    // wrist joint seen from the tracker's receiver
+  double limb_mass_kg, palm_mass_kg;
+  gv_coupling limb, palm;
+  gv_rotation_law rotation_law;
+  bool limb_gravity;           // gravity acts on the limbs' own mass (the paper's world has it)
+  double filter_hz;            // corner of the critically damped sample filter; 0: off
+  // contact
+  double mu_hand;              // friction of the hand's skin
+  gv_friction friction;        // pyramid: mu x normal force (Eqn 9); fixed_limit: Eqn 10 as ODE means it, newtons
+  double contact_erp, contact_cfm; // on the normal row alone
+  double world_cfm;            // never 0
+  double contact_margin_m;     // gaps below this get a row that lets them close, but not overshoot
+  // dynamics
+  gv_solver solver;            // auto: Dantzig up to `dantzig_contacts`, QuickStep above
+  int dantzig_contacts, quick_iterations;
+  // the paper's Table 1 in place of the scene's own values; 0 or false: as the scene says
+  double override_gravity_m_s2, override_mass_kg, override_mu;
+  bool override_sphere_inertia;
+} gv_config;
+
+// Realistic: log map, critically damped, world gravity, mu 0.8, stiff contact.
+gv_config gv_config_default(void);
+// The paper's Tables 1 and 2 in the reading of DESIGN.md ("Preset paper").
+gv_config gv_config_paper(void);
+// Null when sound, otherwise the name of the first field that is not finite or out of range.
+const char *gv_config_check(const gv_config *cfg);
+
+// One hand sample: raw sensor counts and the tracker's receiver pose.
+typedef struct gv_sample {
+  double raw[GV_SENSORS];
+  gv_pose T_world_receiver;
+  bool valid;                  // false: nothing new; the last sample holds
+} gv_sample;
+
+typedef enum gv_event {          // bits of gv_step_result.events
+  GV_EVENT_HAND_PLACED = 1 << 0, // first sample: the limbs were put onto the driver frames
+  GV_EVENT_SAMPLE_REFUSED = 1 << 1, // not finite or no unit quaternion: held back
+  GV_EVENT_CONTACTS_DROPPED = 1 << 2, // more than GV_MAX_CONTACTS: the shallowest left out
+  GV_EVENT_PAIRS_DROPPED = 1 << 3,
+  GV_EVENT_BODY_RESET = 1 << 4,  // a body's state was not finite or ran away: put back, velocity zero
+  GV_EVENT_OVERLAP = 1 << 5,     // cores overlapped (penetration beyond the radius)
+  GV_EVENT_QUICKSTEP = 1 << 6    // the iterative solver was chosen
+} gv_event;
+
+typedef struct gv_contact {
+  int limb;                    // 0..15, or -1 - object index of body A
+  int object;                  // object index of body B
+  gv_vec3 position_world, normal_world; // normal from B to A
+  double depth_m;              // negative: gap
+  gv_vec3 force_world;         // on A, newtons, of this step
+  uint16_t face;               // polygon of B, 0xffff none
+} gv_contact;
+
+// Counters since init; they never go back.
+typedef struct gv_counters {
+  uint64_t steps, samples, samples_refused, contacts_dropped, pairs_dropped, body_resets, overlaps, quicksteps;
+  uint32_t contacts_max, pairs_max;
+  double depth_max_m;          // largest penetration of any step
+} gv_counters;
+
+typedef struct gv_step_result {
+  uint32_t events;             // gv_event bits
+  double tension_n[GV_FINGERS];// what each tendon should pull, before the limiter (gv_tendon_map)
+  int contact_count;
+} gv_step_result;
+
+typedef struct gv_engine gv_engine;
+
+// Bytes of memory gv_engine_init needs for this config and scene.
+size_t gv_engine_size(const gv_config *cfg, const gv_scene *scene);
+// Returns null where `size` is too small, the config unsound, or another engine is alive. The scene must
+// outlive the engine. Cost: milliseconds; set-up only (ODE's own set-up memory comes from `mem` too).
+gv_engine *gv_engine_init(void *mem, size_t size, const gv_config *cfg, const gv_scene *scene);
+// Gives ODE's objects back; the memory is the caller's again.
+void gv_engine_close(gv_engine *engine);
+// One step of step_s: the paper's Figure 3. Never fails, never allocates. Cost: see `make bench`.
+void gv_engine_step(gv_engine *engine, const gv_sample *sample, gv_step_result *out);
+// Objects back to their start poses, hand placed anew by the next sample.
+void gv_engine_reset(gv_engine *engine);
+
+// Views, valid until the next step.
+const gv_counters *gv_engine_counters(const gv_engine *engine);
+const gv_contact *gv_engine_contacts(const gv_engine *engine, int *out_count);
+bool gv_engine_hand_placed(const gv_engine *engine);
+gv_pose gv_engine_limb_pose(const gv_engine *engine, int limb);        // T_world_limb, simulated
+gv_pose gv_engine_driver_pose(const gv_engine *engine, int limb);      // T_world_limb, skeleton
+void gv_engine_limb_velocity(const gv_engine *engine, int limb, gv_vec3 *out_v, gv_vec3 *out_w);
+// Coupling force and torque on the limb in the last step, world, newtons (Eqn 1, 2). The person feels the opposite.
+void gv_engine_coupling(const gv_engine *engine, int limb, gv_vec3 *out_f, gv_vec3 *out_t);
+gv_pose gv_engine_object_pose(const gv_engine *engine, int object);    // T_world_body
+void gv_engine_object_velocity(const gv_engine *engine, int object, gv_vec3 *out_v, gv_vec3 *out_w);
+const double *gv_engine_angles(const gv_engine *engine);               // 22 filtered joint angles, rad
+void gv_engine_memory(const gv_engine *engine, size_t *out_used, size_t *out_peak, size_t *out_size);
+// FNV-1a 64 over the whole simulated state (poses, velocities, filter, step count). Cost: 3 us.
+uint64_t gv_engine_hash(const gv_engine *engine);
+// Kinetic energy plus potential energy of objects in gravity, joules (tests).
+double gv_engine_energy(const gv_engine *engine);
+// Set an object's state (tests, scripted scenes). Not finite is ignored.
+void gv_engine_set_object(gv_engine *engine, int object, gv_pose T_world_body, gv_vec3 v, gv_vec3 w);
+
+#endif

@@ -1,0 +1,85 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// Codec of the force control unit's frames. The layout is data/gloved.dbc; this is its twin in C
+// (test/test_fcu.py checks one against the other with cantools). Pure; any thread; under 1 us a frame.
+//
+// All frames: little-endian; byte 0 counter (modulo 256, per id), byte 1 flags, bytes 2-3 checksum:
+// CRC-16/CCITT-FALSE over the id (2 bytes, low first) and the payload with bytes 2-3 taken as zero.
+// Padding up to the FD length is zero and inside the checksum.
+#ifndef GLOVED_FCU_H
+#define GLOVED_FCU_H
+
+#include "gloved/frame.h"
+#include "gloved/hand.h"
+
+enum {
+  GV_ID_FORCE_COMMAND = 0x090, // engine -> device, FD 20 bytes, every period
+  GV_ID_STATUS = 0x0A0,        // device -> engine, FD 20 bytes
+  GV_ID_GLOVE = 0x110,         // device -> engine, FD 48 bytes
+  GV_ID_POSE = 0x120           // device -> engine, FD 48 bytes
+};
+
+// GLOVE: 1 flags | 4-7 stamp_us | 8-9 age in 10 us | 10-42 22 x 12 bits, sensor i at bit 80 + 12 i
+enum { GV_GLOVE_DEAD_MAN = 1, GV_GLOVE_LEFT = 2, GV_GLOVE_SENSOR_FAULT = 4 };
+typedef struct gv_glove_msg {
+  uint8_t counter, flags;
+  uint32_t stamp_us;           // device clock when measured
+  uint32_t age_us;             // from measuring to sending; multiples of 10, at most 655350
+  uint16_t raw[GV_SENSORS];    // 0..4095
+} gv_glove_msg;
+
+// POSE: 1 flags | 4-7 stamp_us | 8-9 age in 10 us | 10 receiver | 11 zero | 12-23 x y z int32 in 1e-7 m |
+// 24-39 quaternion w x y z int32 in 2^-30 | 40-47 zero
+enum { GV_POSE_VALID = 1, GV_POSE_TRACKER_ERROR = 2 };
+typedef struct gv_pose_msg {
+  uint8_t counter, flags;
+  uint32_t stamp_us, age_us;
+  uint8_t receiver;            // 1 head, 2 hand
+  gv_pose T_world_receiver;
+} gv_pose_msg;
+
+// STATUS: 1 flags | 4-7 stamp_us | 8 counter of the last good command | 9 mode | 10-17 five measured
+// tensions, 12 bits each in 0.003 N, channel i at bit 80 + 12 i | 18-19 bad commands so far
+enum { GV_STATUS_DEAD_MAN = 1, GV_STATUS_WATCHDOG = 2, GV_STATUS_FAULT = 4 };
+typedef enum gv_fcu_mode { GV_FCU_MODE_IDLE, GV_FCU_MODE_FORCE, GV_FCU_MODE_REWIND } gv_fcu_mode;
+typedef struct gv_status_msg {
+  uint8_t counter, flags;
+  uint32_t stamp_us;
+  uint8_t command_counter, mode;
+  double tension_n[GV_FINGERS];
+  uint16_t bad_commands;
+} gv_status_msg;
+
+// FORCE_COMMAND: 1 flags | 4-7 stamp_us of the glove sample behind it (device clock) | 8-15 five tensions,
+// 12 bits each in 0.003 N, channel i at bit 64 + 12 i | 16-17 age of that sample in 10 us | 18-19 zero
+enum { GV_COMMAND_ENABLE = 1 };
+typedef struct gv_command_msg {
+  uint8_t counter, flags;
+  uint32_t sample_stamp_us, age_us;
+  double tension_n[GV_FINGERS];// 0..12.285
+} gv_command_msg;
+#define GV_TENSION_LSB_N 0.003
+
+// Values out of range are clamped to the field (a not-a-number tension becomes 0). stamp_ns is not set.
+void gv_fcu_pack_glove(const gv_glove_msg *msg, gv_frame *out);
+void gv_fcu_pack_pose(const gv_pose_msg *msg, gv_frame *out);
+void gv_fcu_pack_status(const gv_status_msg *msg, gv_frame *out);
+void gv_fcu_pack_command(const gv_command_msg *msg, gv_frame *out);
+
+// 0, or why the frame is refused.
+typedef enum gv_fcu_error {
+  GV_FCU_OK = 0,
+  GV_FCU_WRONG_ID = -1,     // another id, or extended, remote, error frame
+  GV_FCU_WRONG_LENGTH = -2, // another length, or not FD
+  GV_FCU_WRONG_CHECKSUM = -3,
+  GV_FCU_WRONG_VALUE = -4   // quaternion length off by more than 1e-3, receiver 0, reserved bits set
+} gv_fcu_error;
+gv_fcu_error gv_fcu_unpack_glove(const gv_frame *frame, gv_glove_msg *out);
+gv_fcu_error gv_fcu_unpack_pose(const gv_frame *frame, gv_pose_msg *out); // quaternion normalized
+gv_fcu_error gv_fcu_unpack_status(const gv_frame *frame, gv_status_msg *out);
+gv_fcu_error gv_fcu_unpack_command(const gv_frame *frame, gv_command_msg *out);
+const char *gv_fcu_error_text(gv_fcu_error error);
+
+// CRC-16/CCITT-FALSE (poly 0x1021, start 0xffff, no reflection).
+uint16_t gv_crc16(uint16_t crc, const uint8_t *data, size_t len);
+
+#endif

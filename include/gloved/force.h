@@ -1,0 +1,44 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// The way of a force to the person: limb coupling wrenches to tendon tensions, and the one limiter
+// that every force leaves through. Pure; the real-time thread calls both.
+#ifndef GLOVED_FORCE_H
+#define GLOVED_FORCE_H
+
+#include "gloved/hand.h"
+
+// Tension of each finger's tendon, newtons, from the wrenches that the person's limbs should feel
+// (the opposite of the coupling's force and torque on the simulated limbs).
+// Joint torques tau_j = a_j . sum(t + (p_limb - p_j) x f) over the finger's flexion joints; a tendon along
+// the back of the finger extends joint j with moment arm r_j; the tension that does the same work, least
+// squares over the joints, is T = sum(r_j tau_ext_j) / sum(r_j^2), and a tendon only pulls: max(0, T).
+void gv_tendon_map(const gv_joint_axis joint[GV_SENSORS], const gv_pose T_world_limb[GV_LIMBS],
+                   const gv_vec3 f_limb[GV_LIMBS], const gv_vec3 t_limb[GV_LIMBS], double out_tension_n[GV_FINGERS]);
+// The flexion joints of a finger (sensor numbers) and the tendon's moment arms there, metres.
+int gv_tendon_joints(int finger, int out_sensor[3], double out_arm_m[3]);
+
+typedef struct gv_limiter_config {
+  double max_n;            // of each channel (CyberGrasp: 12)
+  double slew_n_per_s;     // the fastest a force may rise; falling is never slowed except by ramp_s
+  double ramp_s;           // full force to zero when doubt arises
+  double max_age_s;        // of the newest sample behind the force
+} gv_limiter_config;
+
+gv_limiter_config gv_limiter_config_default(void);
+
+typedef enum gv_limiter_flag {
+  GV_LIMITER_VALUE = 1 << 0, GV_LIMITER_SLEW = 1 << 1, GV_LIMITER_AGE = 1 << 2,
+  GV_LIMITER_NOT_FINITE = 1 << 3, GV_LIMITER_DISABLED = 1 << 4
+} gv_limiter_flag;
+
+typedef struct gv_limiter {
+  gv_limiter_config cfg;
+  double out_n[GV_FINGERS];
+} gv_limiter;
+
+void gv_limiter_init(gv_limiter *limiter, const gv_limiter_config *cfg);
+// One period of dt_s. enabled false, an age over its limit or not finite, or any not-finite force: all
+// five ramp to zero within ramp_s. Returns gv_limiter_flag bits. out is in [0, max_n], always finite.
+unsigned gv_limiter_step(gv_limiter *limiter, const double desired_n[GV_FINGERS], bool enabled, double age_s,
+                         double dt_s, double out_n[GV_FINGERS]);
+
+#endif

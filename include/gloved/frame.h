@@ -1,0 +1,44 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// One CAN or CAN FD frame with its stamp, and the table of functions that every driver has: a socket,
+// a recording and a simulated device look the same to the loop.
+#ifndef GLOVED_FRAME_H
+#define GLOVED_FRAME_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+enum { GV_FRAME_FD = 1, GV_FRAME_BRS = 2, GV_FRAME_ESI = 4, GV_FRAME_EXTENDED = 8, GV_FRAME_REMOTE = 16, GV_FRAME_ERROR = 32 };
+
+typedef struct gv_frame {
+  int64_t stamp_ns;   // reception (or recording) time; the driver's clock
+  uint32_t id;        // 11 or 29 bits
+  uint8_t flags;      // GV_FRAME_...
+  uint8_t len;        // bytes in data: 0..8, FD 0..8 12 16 20 24 32 48 64
+  uint8_t data[64];
+} gv_frame;
+
+typedef struct gv_driver_stats {
+  uint64_t rx, tx;    // frames
+  uint64_t bad;       // datagrams or lines that do not parse: dropped
+  uint64_t lost;      // known lost on this hop (sequence gaps of the transport)
+  uint64_t foreign;   // from a peer that is not ours: dropped
+  uint64_t tx_failed; // the link refused: dropped
+} gv_driver_stats;
+
+// A driver. `poll` and `send` never block, never allocate and may be called from the real-time thread.
+typedef struct gv_driver {
+  void *self;
+  // Up to `max` frames with stamp_ns <= now_ns, in order; returns the count.
+  int (*poll)(void *self, int64_t now_ns, gv_frame *out, int max);
+  // Send `count` frames as one bundle. Returns 0, or negative where the link refused.
+  int (*send)(void *self, const gv_frame *frame, int count);
+  bool (*ended)(void *self);              // nothing will ever come again (end of a recording)
+  gv_driver_stats (*stats)(void *self);
+  void (*close)(void *self);
+} gv_driver;
+
+// Valid FD length that holds `len` bytes (9 -> 12); 0..64.
+uint8_t gv_frame_fd_length(uint8_t len);
+
+#endif

@@ -1,0 +1,112 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// Vectors, quaternions, poses. Double precision, SI units, right-handed, quaternions w first and of
+// unit length. `T_a_b` (gv_pose) is the pose of frame b in frame a: p_a = T_a_b * p_b.
+//
+// Trigonometry is our own (+ - * / sqrt only): the C library picks other code for it on other
+// processors, and a recorded grasp must replay to the same bits everywhere.
+#ifndef GLOVED_MATH_H
+#define GLOVED_MATH_H
+
+#include <math.h>
+#include <stdbool.h>
+
+#define GV_PI 3.14159265358979323846
+
+typedef struct gv_vec3 { double x, y, z; } gv_vec3;
+typedef struct gv_quat { double w, x, y, z; } gv_quat;
+typedef struct gv_pose { gv_quat q; gv_vec3 p; } gv_pose;
+typedef struct gv_mat3 { double m[3][3]; } gv_mat3;  // row-major
+
+static inline gv_vec3 gv_v3(double x, double y, double z) { return (gv_vec3){x, y, z}; }
+static inline gv_vec3 gv_add(gv_vec3 a, gv_vec3 b) { return gv_v3(a.x + b.x, a.y + b.y, a.z + b.z); }
+static inline gv_vec3 gv_sub(gv_vec3 a, gv_vec3 b) { return gv_v3(a.x - b.x, a.y - b.y, a.z - b.z); }
+static inline gv_vec3 gv_scale(gv_vec3 a, double s) { return gv_v3(a.x * s, a.y * s, a.z * s); }
+static inline gv_vec3 gv_neg(gv_vec3 a) { return gv_v3(-a.x, -a.y, -a.z); }
+static inline gv_vec3 gv_mad(gv_vec3 a, double s, gv_vec3 b) {  // a + s b
+  return gv_v3(a.x + s * b.x, a.y + s * b.y, a.z + s * b.z);
+}
+static inline double gv_dot(gv_vec3 a, gv_vec3 b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
+static inline gv_vec3 gv_cross(gv_vec3 a, gv_vec3 b) {
+  return gv_v3(a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x);
+}
+static inline double gv_norm2(gv_vec3 a) { return gv_dot(a, a); }
+static inline double gv_norm(gv_vec3 a) { return sqrt(gv_dot(a, a)); }
+static inline double gv_clamp(double v, double lo, double hi) { return v < lo ? lo : v > hi ? hi : v; }
+static inline bool gv_v3_finite(gv_vec3 a) { return isfinite(a.x) && isfinite(a.y) && isfinite(a.z); }
+
+// a / |a|, or `fallback` where |a| is below 1e-300 or not finite.
+static inline gv_vec3 gv_normalize_or(gv_vec3 a, gv_vec3 fallback) {
+  double n = gv_norm(a);
+  return n > 1e-300 && isfinite(n) ? gv_scale(a, 1.0 / n) : fallback;
+}
+// Some unit vector at right angles to the unit vector n (deterministic).
+static inline gv_vec3 gv_any_perpendicular(gv_vec3 n) {
+  gv_vec3 a = fabs(n.x) < 0.6 ? gv_v3(1, 0, 0) : gv_v3(0, 1, 0);
+  return gv_normalize_or(gv_cross(n, a), gv_v3(0, 0, 1));
+}
+
+static inline gv_quat gv_quat_identity(void) { return (gv_quat){1, 0, 0, 0}; }
+static inline gv_quat gv_quat_conj(gv_quat q) { return (gv_quat){q.w, -q.x, -q.y, -q.z}; }
+static inline gv_quat gv_quat_mul(gv_quat a, gv_quat b) {
+  return (gv_quat){a.w * b.w - a.x * b.x - a.y * b.y - a.z * b.z, a.w * b.x + a.x * b.w + a.y * b.z - a.z * b.y,
+                   a.w * b.y - a.x * b.z + a.y * b.w + a.z * b.x, a.w * b.z + a.x * b.y - a.y * b.x + a.z * b.w};
+}
+static inline gv_vec3 gv_rotate(gv_quat q, gv_vec3 v) {
+  gv_vec3 u = gv_v3(q.x, q.y, q.z), t = gv_scale(gv_cross(u, v), 2.0);
+  return gv_add(gv_mad(v, q.w, t), gv_cross(u, t));
+}
+static inline gv_vec3 gv_rotate_inv(gv_quat q, gv_vec3 v) { return gv_rotate(gv_quat_conj(q), v); }
+static inline bool gv_quat_finite(gv_quat q) {
+  return isfinite(q.w) && isfinite(q.x) && isfinite(q.y) && isfinite(q.z);
+}
+// q / |q|; the identity where q has no direction (zero or not finite).
+static inline gv_quat gv_quat_normalize(gv_quat q) {
+  double n = sqrt(q.w * q.w + q.x * q.x + q.y * q.y + q.z * q.z);
+  if (!(n > 1e-300) || !isfinite(n)) return gv_quat_identity();
+  return (gv_quat){q.w / n, q.x / n, q.y / n, q.z / n};
+}
+
+static inline gv_pose gv_pose_identity(void) { return (gv_pose){{1, 0, 0, 0}, {0, 0, 0}}; }
+static inline gv_vec3 gv_transform(gv_pose T_a_b, gv_vec3 p_b) { return gv_add(gv_rotate(T_a_b.q, p_b), T_a_b.p); }
+static inline gv_vec3 gv_transform_inv(gv_pose T_a_b, gv_vec3 p_a) { return gv_rotate_inv(T_a_b.q, gv_sub(p_a, T_a_b.p)); }
+static inline gv_pose gv_pose_mul(gv_pose T_a_b, gv_pose T_b_c) {
+  return (gv_pose){gv_quat_mul(T_a_b.q, T_b_c.q), gv_transform(T_a_b, T_b_c.p)};
+}
+static inline gv_pose gv_pose_inv(gv_pose T_a_b) {
+  gv_quat c = gv_quat_conj(T_a_b.q);
+  return (gv_pose){c, gv_neg(gv_rotate(c, T_a_b.p))};
+}
+static inline bool gv_pose_finite(gv_pose T) { return gv_quat_finite(T.q) && gv_v3_finite(T.p); }
+
+static inline gv_mat3 gv_mat3_from_quat(gv_quat q) {
+  double xx = q.x * q.x, yy = q.y * q.y, zz = q.z * q.z, xy = q.x * q.y, xz = q.x * q.z, yz = q.y * q.z;
+  double wx = q.w * q.x, wy = q.w * q.y, wz = q.w * q.z;
+  return (gv_mat3){{{1 - 2 * (yy + zz), 2 * (xy - wz), 2 * (xz + wy)},
+                    {2 * (xy + wz), 1 - 2 * (xx + zz), 2 * (yz - wx)},
+                    {2 * (xz - wy), 2 * (yz + wx), 1 - 2 * (xx + yy)}}};
+}
+static inline gv_vec3 gv_mat3_mul(const gv_mat3 *R, gv_vec3 v) {
+  return gv_v3(R->m[0][0] * v.x + R->m[0][1] * v.y + R->m[0][2] * v.z,
+               R->m[1][0] * v.x + R->m[1][1] * v.y + R->m[1][2] * v.z,
+               R->m[2][0] * v.x + R->m[2][1] * v.y + R->m[2][2] * v.z);
+}
+static inline gv_vec3 gv_mat3_mul_t(const gv_mat3 *R, gv_vec3 v) {  // R^T v
+  return gv_v3(R->m[0][0] * v.x + R->m[1][0] * v.y + R->m[2][0] * v.z,
+               R->m[0][1] * v.x + R->m[1][1] * v.y + R->m[2][1] * v.z,
+               R->m[0][2] * v.x + R->m[1][2] * v.y + R->m[2][2] * v.z);
+}
+
+// Sine and cosine of angle_rad, absolute error below 1e-15 for |angle| up to 1e4; bit-identical on
+// every IEEE machine. Cost: about 20 ns.
+void gv_sincos(double angle_rad, double *out_sin, double *out_cos);
+// atan2, absolute error below 1e-15; (0, 0) gives 0. Bit-identical on every IEEE machine.
+double gv_atan2(double y, double x);
+
+// Rotation by angle_rad about the unit axis.
+gv_quat gv_quat_axis_angle(gv_vec3 axis, double angle_rad);
+// Rotation vector (log map): axis times angle, |.| <= pi, of the unit quaternion q.
+gv_vec3 gv_quat_log(gv_quat q);
+// Inverse of gv_quat_log.
+gv_quat gv_quat_exp(gv_vec3 rotation_rad);
+
+#endif

@@ -1,0 +1,60 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// Narrow phase: signed distance of two convex shapes and their contact manifold (section C of the
+// paper, Eqn 5 to 8: collision and penetration on the configuration space obstacle A - B).
+//
+// While the cores are apart the GJK distance of the cores less the radii is the answer, exact to
+// rounding. When the cores overlap an expanding-polytope search with fixed memory and a fixed number
+// of iterations finds the depth; where that fails its own checks, the least of the face directions
+// bounds it. Nothing here allocates, loops without a bound, or returns a not-a-number for finite input.
+// Pure; any thread.
+#ifndef GLOVED_NARROW_H
+#define GLOVED_NARROW_H
+
+#include <stdint.h>
+
+#include "gloved/shape.h"
+
+enum { GV_GJK_MAX_ITERATIONS = 64, GV_EPA_MAX_ITERATIONS = 96, GV_EPA_MAX_VERTICES = 112, GV_EPA_MAX_FACES = 224 };
+
+// Kept by the caller from step to step for one pair: a warm start. All zero is a valid cold start.
+typedef struct gv_pair_cache {
+  gv_vec3 normal_world;   // last normal, or zero
+  uint16_t vertex_a, vertex_b; // last support vertices (hill climbing)
+} gv_pair_cache;
+
+typedef enum gv_narrow_method { GV_NARROW_GJK, GV_NARROW_EPA, GV_NARROW_FACES, GV_NARROW_FAR } gv_narrow_method;
+
+typedef struct gv_distance {
+  double distance;        // metres; negative: penetration depth (Eqn 8)
+  gv_vec3 normal_world;   // unit, from B to A: moving A along it by -distance separates
+  gv_vec3 on_a, on_b;     // world points on the surfaces (radii included); on_a - on_b = distance * normal
+  gv_narrow_method method;
+  int iterations;         // of GJK and EPA together
+} gv_distance;
+
+// Signed distance of A and B. Where it is larger than `max_distance` (metres, >= 0) the search may stop
+// early: method GV_NARROW_FAR, distance a lower bound above max_distance, and normal, points not set.
+// Cost: 0.7 us (segment-box) to 3 us (hull of 1000 vertices) apart; 3 to 20 us overlapping.
+void gv_distance_pair(const gv_shape *a, const gv_pose *T_world_a, const gv_shape *b, const gv_pose *T_world_b,
+                      double max_distance, gv_pair_cache *cache, gv_distance *out);
+
+typedef struct gv_contact_point {
+  gv_vec3 position_world; // midway between the surfaces
+  gv_vec3 normal_world;   // unit, from B to A
+  double depth;           // metres; positive: penetration, negative: gap
+  uint16_t face_b;        // polygon of hull B that this point belongs to (0xffff: none)
+} gv_contact_point;
+
+// Contact manifold: the closest point and, flat on flat, the clipped corners, each with a depth of its
+// own. At most GV_MAX_PAIR_CONTACTS, none deeper than reported, none with a gap over `margin` (metres).
+// Returns the count (0: further apart than margin). A limb lying along a face gives 2 points, a palm or
+// box on a face 4. `out_distance` (may be null) receives the pair's distance.
+int gv_manifold_pair(const gv_shape *a, const gv_pose *T_world_a, const gv_shape *b, const gv_pose *T_world_b,
+                     double margin, gv_pair_cache *cache, gv_contact_point out[GV_MAX_PAIR_CONTACTS],
+                     gv_distance *out_distance);
+
+// Support function h_S(d) of a shape (radius included): the farthest point along the direction d (any
+// length > 0), world frame. `hint` (may be null): start vertex for hill climbing, updated.
+gv_vec3 gv_support(const gv_shape *shape, const gv_pose *T_world_shape, gv_vec3 d_world, uint16_t *hint);
+
+#endif

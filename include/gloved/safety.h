@@ -1,0 +1,63 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// The safety state machine: nothing but armed and active lets a force out.
+//
+//   start -> wait -> ready -> armed -> active        fault: from any state, left only to wait when all
+//              ^_______|________|________|            causes are gone and the dead-man switch was let go
+//
+// wait: devices missing or stale. ready: data fresh, dead-man open. armed: dead-man held and the desired
+// force was near zero. active: a force flows. stopped: final. Pure.
+#ifndef GLOVED_SAFETY_H
+#define GLOVED_SAFETY_H
+
+#include <stdbool.h>
+#include <stdint.h>
+
+typedef enum gv_safety_state {
+  GV_SAFETY_START, GV_SAFETY_WAIT, GV_SAFETY_READY, GV_SAFETY_ARMED, GV_SAFETY_ACTIVE, GV_SAFETY_FAULT, GV_SAFETY_STOPPED
+} gv_safety_state;
+
+typedef enum gv_fault {   // bits
+  GV_FAULT_GLOVE_STALE = 1 << 0, GV_FAULT_TRACKER_STALE = 1 << 1, GV_FAULT_FRAMES = 1 << 2,
+  GV_FAULT_NOT_FINITE = 1 << 3, GV_FAULT_OVERRUN = 1 << 4, GV_FAULT_DEVICE = 1 << 5
+} gv_fault;
+
+typedef struct gv_safety_input {
+  bool glove_seen, tracker_seen;     // at least one good sample ever
+  double glove_age_s, tracker_age_s; // of the newest good sample
+  bool dead_man;                     // held
+  bool finite;                       // every number of this step was finite
+  bool device_fault;                 // the device reports one
+  unsigned bad_frames;               // counter or checksum errors since the last call
+  unsigned overruns;                 // periods skipped since the last call
+  double desired_max_n;              // largest tension asked for
+  bool stop;                         // the program is ending
+} gv_safety_input;
+
+typedef struct gv_safety_config {
+  double max_age_s;        // glove and tracker (default 0.05)
+  double arm_below_n;      // forces near zero (0.1)
+  unsigned bad_limit;      // bad frames within bad_window_s that make a fault (10)
+  double bad_window_s;     // (0.1)
+  unsigned overrun_limit;  // overruns within the window that make a fault (20)
+} gv_safety_config;
+
+typedef struct gv_safety {
+  gv_safety_config cfg;
+  gv_safety_state state;
+  uint32_t faults;         // causes of the present fault, 0 outside
+  bool released;           // dead-man was seen open since the last fault or start
+  double bad_level, overrun_level; // leaky counters
+} gv_safety;
+
+gv_safety_config gv_safety_config_default(void);
+void gv_safety_init(gv_safety *safety, const gv_safety_config *cfg);
+// One period. Returns the new state; forces may leave only in ARMED and ACTIVE.
+gv_safety_state gv_safety_step(gv_safety *safety, const gv_safety_input *in, double dt_s);
+static inline bool gv_safety_lets_force_out(const gv_safety *safety) {
+  return safety->state == GV_SAFETY_ARMED || safety->state == GV_SAFETY_ACTIVE;
+}
+const char *gv_safety_name(gv_safety_state state);   // "start", "wait", ...
+// Text of the lowest set fault bit, e.g. "glove data too old".
+const char *gv_fault_text(uint32_t faults);
+
+#endif

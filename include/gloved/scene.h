@@ -1,0 +1,33 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// What never changes after loading: objects as compounds of convex pieces, with mass and polygons.
+// The same polygons are the visual and the collision mesh.
+#ifndef GLOVED_SCENE_H
+#define GLOVED_SCENE_H
+
+#include "gloved/shape.h"
+
+typedef struct gv_object {
+  char name[GV_MAX_NAME];
+  bool is_static;              // never moves (table); mass and inertia unused
+  gv_pose T_world_body;        // start pose of the body frame: origin in the centre of mass, axes as in the file
+  gv_vec3 center_m;            // centre of mass in the file's object frame (T_object_body is this translation)
+  double mass_kg;
+  gv_mat3 inertia_kg_m2;       // about the centre of mass, body axes
+  double mu;                   // Coulomb friction; a pair uses the geometric mean
+  int piece_first, piece_count;// into gv_scene.piece
+  int vertex_first, vertex_count;     // into gv_scene.mesh_vertex
+  int triangle_first, triangle_count; // into gv_scene.mesh_triangle
+} gv_object;
+
+typedef struct gv_triangle { uint32_t v[3]; } gv_triangle; // indices count from the object's vertex_first
+
+typedef struct gv_scene {
+  gv_vec3 gravity_m_s2;
+  int object_count, piece_count, vertex_count, triangle_count;
+  const gv_object *object;        // [object_count]
+  const gv_hull *piece;           // [piece_count] vertices in the body frame of their object
+  const gv_vec3 *mesh_vertex;     // [vertex_count] body frame
+  const gv_triangle *mesh_triangle; // [triangle_count] counter-clockwise from outside
+} gv_scene;
+
+#endif

@@ -1,0 +1,66 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// Shapes of the collision space. Every shape is a convex core plus a sphere (the paper's Minkowski
+// sums): a finger limb is a segment + sphere, the palm a box + sphere, an object's piece a convex
+// hull + nothing. The narrow phase works on the cores; the radius is a margin.
+#ifndef GLOVED_SHAPE_H
+#define GLOVED_SHAPE_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+#include "gloved/arena.h"
+#include "gloved/limits.h"
+#include "gloved/math.h"
+
+// A convex polyhedron, immutable after loading. Faces are planar polygons, counter-clockwise seen
+// from outside, coplanar triangles merged. All arrays are the owner's (usually an arena's).
+typedef struct gv_hull {
+  int vertex_count, face_count;
+  const gv_vec3 *vertex;          // [vertex_count] in the body frame, metres
+  const gv_vec3 *face_normal;     // [face_count] unit, outward
+  const double *face_offset;      // [face_count] n . x = offset on the plane
+  const uint16_t *face_start;     // [face_count + 1] into face_vertex
+  const uint16_t *face_vertex;    // polygon corners
+  const uint16_t *neighbor_start; // [vertex_count + 1] into neighbor
+  const uint16_t *neighbor;       // vertices joined by an edge (for hill climbing)
+  gv_vec3 center;                 // mean of the vertices: a point inside
+  gv_vec3 aabb_min, aabb_max;     // body frame
+} gv_hull;
+
+typedef enum gv_core_kind { GV_CORE_SEGMENT, GV_CORE_BOX, GV_CORE_HULL } gv_core_kind;
+
+typedef struct gv_shape {
+  gv_core_kind kind;
+  double radius;                  // of the sphere added to the core, metres
+  gv_vec3 half;                   // segment: half length in x, others 0; box: half extents
+  const gv_hull *hull;            // hull only
+} gv_shape;
+
+static inline gv_shape gv_shape_capsule(double half_length, double radius) {
+  return (gv_shape){GV_CORE_SEGMENT, radius, {half_length, 0, 0}, NULL};
+}
+static inline gv_shape gv_shape_rounded_box(gv_vec3 half, double radius) {
+  return (gv_shape){GV_CORE_BOX, radius, half, NULL};
+}
+static inline gv_shape gv_shape_hull(const gv_hull *hull) { return (gv_shape){GV_CORE_HULL, 0.0, {0, 0, 0}, hull}; }
+
+// Build the convex hull of `count` points into the arena: only points on the hull are kept, coplanar
+// facets merge into polygons. Set-up only: cost about vertices x faces. `keep_order` is not promised.
+// Errors (negative): GV_HULL_FEW (under 4 points), GV_HULL_FLAT (no volume), GV_HULL_NOT_FINITE,
+// GV_HULL_VERTICES / GV_HULL_FACES / GV_HULL_POLYGON (over GV_MAX_...), GV_HULL_MEMORY (arena full).
+enum { GV_HULL_FEW = -1, GV_HULL_FLAT = -2, GV_HULL_NOT_FINITE = -3, GV_HULL_VERTICES = -4, GV_HULL_FACES = -5,
+       GV_HULL_POLYGON = -6, GV_HULL_MEMORY = -7, GV_HULL_DEGENERATE = -8 };
+int gv_hull_build(gv_arena *arena, const gv_vec3 *points, int count, gv_hull *out_hull);
+// A text for such an error ("no volume: all points lie in one plane").
+const char *gv_hull_error(int error);
+
+// Mass properties at uniform density: volume (m^3), centre, and inertia per mass about the centre (m^2).
+typedef struct gv_mass_properties { double volume; gv_vec3 center; gv_mat3 inertia; } gv_mass_properties;
+gv_mass_properties gv_hull_mass_properties(const gv_hull *hull);
+// Sum of several parts at the same density (parallel axes).
+gv_mass_properties gv_mass_properties_sum(const gv_mass_properties *parts, int count);
+
+// Axis-aligned bounds in the world of a shape at T_world_shape, radius included. Cost: about 30 ns.
+void gv_shape_aabb(const gv_shape *shape, const gv_pose *T_world_shape, gv_vec3 *out_min, gv_vec3 *out_max);
+
+#endif
