@@ -1,0 +1,38 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// What a user sets for the daemon: the file of --config, and the glove's calibration file.
+// Set-up only; may allocate and read files. Errors are one line: file, line, what, what to do.
+#ifndef GLOVED_CONFIG_LOAD_H
+#define GLOVED_CONFIG_LOAD_H
+
+#include <stddef.h>
+
+#include "gloved/engine.h"
+#include "gloved/force.h"
+#include "gloved/safety.h"
+
+enum { GV_SETTING_TEXT = 256 }; // bytes of a path or URL with its final zero
+
+typedef struct gv_settings {
+  gv_config engine;
+  gv_limiter_config limiter;
+  gv_safety_config safety;
+  // Paths are relative to the directory that the daemon is started in, as on the command line.
+  char scene[GV_SETTING_TEXT];       // --scene
+  char fcu[GV_SETTING_TEXT];         // --fcu
+  char tracker[GV_SETTING_TEXT];     // --tracker; empty: the pose comes with the fcu
+  char lcm[GV_SETTING_TEXT];         // --lcm; "none": nothing is published
+  char calibration[GV_SETTING_TEXT]; // file that engine.calibration was read from; empty: gv_calibration_default
+  double rate_hz;                    // periods per second of the real-time loop
+  int cpu;                           // core the loop is pinned to; -1: any
+  int rt_priority;                   // SCHED_FIFO 1..99; 0: no real-time scheduling
+  bool mlock;                        // keep all memory in RAM
+} gv_settings;
+
+void gv_settings_default(gv_settings *out);
+// The defaults, then the file's preset, then everything else that the file sets (the calibration file is
+// read too). 0, or negative with the reason in err; *out is then not to be used.
+int gv_settings_load(const char *path, gv_settings *out, char *err, size_t err_size);
+// Two points per sensor, all 22 by name. 0, or negative with the reason in err; *out is then untouched.
+int gv_calibration_load(const char *path, gv_calibration *out, char *err, size_t err_size);
+
+#endif
