@@ -1,7 +1,9 @@
 # gloved: the daemon for force-feedback gloves. `make help` lists the targets.
 # Everything that is built lies under build/.
 
-CC      ?= gcc
+ifeq ($(origin CC),default)
+CC      := gcc
+endif
 OPT     ?= -O2
 B       ?= build/$(notdir $(firstword $(CC)))$(subst $(space),,$(OPT))
 WARN    := -std=c11 -Wall -Wextra -Wpedantic -Wconversion -Wsign-conversion -Wdouble-promotion -Wshadow -Wundef \
@@ -27,7 +29,7 @@ LIB     := $(B)/libgloved.a
 .SECONDARY:
 
 ## all: build the daemon, the tools and the tests
-all: $(B)/gloved $(TOOLS:%=$(B)/%) $(TESTS:%=$(B)/test/%)
+all: $(patsubst src/process/main.c,$(B)/gloved,$(wildcard src/process/main.c)) $(TOOLS:%=$(B)/%) $(TESTS:%=$(B)/test/%)
 
 $(B)/%.o: %.c | $(B)/gen/.done
 	@mkdir -p $(@D)

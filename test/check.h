@@ -23,7 +23,7 @@ static int check_failures, check_in_test, check_skipped;
   } while (0)
 
 #define CHECK_NEAR(a, b, tol) \
-  CHECK(fabs((a) - (b)) <= (tol), "%.12g against %.12g, off by %.3g, allowed %.3g", (a), (b), (a) - (b), (double)(tol))
+  CHECK(fabs((a) - (b)) <= (tol), "%.12g against %.12g, off by %.3g, allowed %.3g", (double)(a), (double)(b), (double)(a) - (double)(b), (double)(tol))
 
 // Skip the running test, in words: SKIP("no recordings beside the project"); return;
 #define SKIP(why) do { check_skipped = 1; printf("skip %s: %s\n", __func__, (why)); } while (0)
