@@ -32,7 +32,10 @@ typedef struct gv_config {
   gv_coupling limb, palm;
   gv_rotation_law rotation_law;
   bool limb_gravity;           // gravity acts on the limbs' own mass (the paper's world has it)
-  double filter_hz;            // corner of the critically damped sample filter; 0: off
+  double filter_hz;            // corner of the critically damped sample filter; 0: off. Delay 1 / (pi filter_hz)
+  double gate_rad;             // a joint that jumps more than this in one sample is held back until a second
+                               // sample agrees; 0: off
+  double gate_m;               // the same for the tracker's position
   // contact
   double mu_hand;              // friction of the hand's skin
   gv_friction friction;        // pyramid: mu x normal force (Eqn 9); fixed_limit: Eqn 10 as ODE means it, newtons
@@ -54,16 +57,17 @@ gv_config gv_config_paper(void);
 // Null when sound, otherwise the name of the first field that is not finite or out of range.
 const char *gv_config_check(const gv_config *cfg);
 
-// One hand sample: raw sensor counts and the tracker's receiver pose.
+// What came in since the last step: raw sensor counts and the tracker's receiver pose. The hand is placed
+// once both were seen. A flag that is false: nothing new there, the last value holds (the field is not read).
 typedef struct gv_sample {
   double raw[GV_SENSORS];
   gv_pose T_world_receiver;
-  bool valid;                  // false: nothing new; the last sample holds
+  bool glove_new, pose_new;
 } gv_sample;
 
 typedef enum gv_event {          // bits of gv_step_result.events
   GV_EVENT_HAND_PLACED = 1 << 0, // first sample: the limbs were put onto the driver frames
-  GV_EVENT_SAMPLE_REFUSED = 1 << 1, // not finite or no unit quaternion: held back
+  GV_EVENT_SAMPLE_REFUSED = 1 << 1, // not finite, no unit quaternion, or a jump: held back
   GV_EVENT_CONTACTS_DROPPED = 1 << 2, // more than GV_MAX_CONTACTS: the shallowest left out
   GV_EVENT_PAIRS_DROPPED = 1 << 3,
   GV_EVENT_BODY_RESET = 1 << 4,  // a body's state was not finite or ran away: put back, velocity zero
