@@ -1,0 +1,99 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// A recording as a device: a candump -L log, read and checked whole when it is opened, then handed out by
+// its own stamps against whatever clock the caller passes. poll and send only touch memory that opening allocated.
+#include <stdio.h>
+#include <stdlib.h>
+
+#include "gloved/drivers.h"
+#include "gloved/fcu.h"
+
+typedef struct trace {
+  gv_frame *frame;     // stamps from 0, never decreasing
+  size_t count, next, capacity;
+  gv_driver_stats stats;
+} trace;
+
+static int poll_trace(void *self, int64_t now_ns, gv_frame *out, int max) {
+  trace *t = self;
+  int n = 0;
+  while (n < max && t->next < t->count && t->frame[t->next].stamp_ns <= now_ns) out[n++] = t->frame[t->next++];
+  t->stats.rx += (uint64_t)n;
+  return n;
+}
+
+static int send_trace(void *self, const gv_frame *frame, int count) {
+  (void)frame;
+  ((trace *)self)->stats.tx += (uint64_t)count;
+  return 0;
+}
+
+static bool trace_ended(void *self) {
+  const trace *t = self;
+  return t->next == t->count;
+}
+
+static gv_driver_stats trace_stats(void *self) { return ((trace *)self)->stats; }
+
+static void close_trace(void *self) {
+  trace *t = self;
+  free(t->frame);
+  free(t);
+}
+
+static int append_frame(trace *t, const gv_frame *frame) {
+  if (t->count == t->capacity) {
+    size_t capacity = t->capacity ? 2 * t->capacity : 4096;
+    gv_frame *grown = realloc(t->frame, capacity * sizeof *grown);
+    if (!grown) return -1;
+    t->frame = grown;
+    t->capacity = capacity;
+  }
+  t->frame[t->count++] = *frame;
+  return 0;
+}
+
+static bool is_id(const gv_frame *frame, uint32_t id) { return frame->id == id && !(frame->flags & (GV_FRAME_EXTENDED | GV_FRAME_ERROR)); }
+
+// All frames of the log but our own commands, stamps from 0.
+static int load_frames(trace *t, gv_log *log, char *err, size_t err_size) {
+  gv_frame frame;
+  size_t gloves = 0;
+  int got;
+  while ((got = gv_log_next(log, &frame, err, err_size)) > 0) {
+    if (is_id(&frame, GV_ID_FORCE_COMMAND)) continue;
+    gloves += is_id(&frame, GV_ID_GLOVE);
+    if (append_frame(t, &frame) == 0) continue;
+    snprintf(err, err_size, "%s:%llu: out of memory; record a shorter trace", log->path, (unsigned long long)log->line);
+    return -1;
+  }
+  if (got < 0) return -1;
+  if (gloves == 0) {
+    snprintf(err, err_size, "%s:%llu: no frame of a glove (identifier %03X) in it; record one with gloved-trace or candump -L",
+             log->path, (unsigned long long)log->line, GV_ID_GLOVE);
+    return -1;
+  }
+  int64_t start_ns = t->frame[0].stamp_ns;
+  for (size_t i = 0; i < t->count; i++) t->frame[i].stamp_ns -= start_ns;
+  t->stats.bad = log->truncated;
+  return 0;
+}
+
+int gv_trace_open(const char *path, gv_driver *out, char *err, size_t err_size) {
+  gv_log log;
+  if (gv_log_open(&log, path, err, err_size)) return -1;
+  trace *t = calloc(1, sizeof *t);
+  if (!t) snprintf(err, err_size, "%s: out of memory; close other programs", path);
+  int error = t ? load_frames(t, &log, err, err_size) : -1;
+  gv_log_close(&log);
+  if (error) {
+    if (t) close_trace(t);
+    return -1;
+  }
+  *out = (gv_driver){.self = t, .poll = poll_trace, .send = send_trace, .ended = trace_ended, .stats = trace_stats, .close = close_trace};
+  return 0;
+}
+
+int64_t gv_trace_length_ns(const gv_driver *driver) {
+  const trace *t = driver->self;
+  return t->frame[t->count - 1].stamp_ns;
+}

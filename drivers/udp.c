@@ -1,0 +1,269 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// The force control unit over UDP: cannelloni v2 datagrams on one non-blocking socket. Opening resolves
+// names and allocates; poll and send run in the real-time thread, never block and never allocate.
+// The socket is not connected: a peer that is not up yet (ICMP refusal) is then no error, and datagrams
+// of others can be told apart and counted.
+#include <errno.h>
+#include <netdb.h>
+#include <netinet/in.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/socket.h>
+#include <time.h>
+#include <unistd.h>
+
+#include "gloved/drivers.h"
+
+enum {
+  BATCH = 16,             // datagrams in one system call
+  POLL_DATAGRAMS = 64,    // read at most in one poll, ours or not: bounds its time under a flood
+  RECEIVE_BUFFER = 1 << 20, // bytes asked for: over a second of 1 kHz frames; the kernel may give less
+  SEQ_BEHIND = 128,       // a step of 128 and more is taken as one backwards
+  RESTART_GAP = 16        // sequence 0 after a larger gap: the peer started anew
+};
+static const int64_t silence_ns = 250000000;  // at 1 kHz the sequence wraps in 256 ms: a longer gap says nothing
+
+typedef union address { struct sockaddr any; struct sockaddr_in v4; struct sockaddr_in6 v6; struct sockaddr_storage room; } address;
+
+typedef struct udp {
+  int fd;
+  address peer;
+  socklen_t peer_size;
+  gv_driver_stats stats;
+  uint8_t send_seq, next_seq;   // next_seq: expected from the peer
+  bool heard;
+  int64_t last_ns;              // stamp of the newest datagram of the peer
+  // Frames of one datagram that the caller had no room for yet.
+  gv_frame pending[GV_CANNELLONI_MAX_FRAMES];
+  int pending_count, pending_next;
+  // Datagrams of one system call.
+  struct mmsghdr message[BATCH];
+  struct iovec part[BATCH];
+  address source[BATCH];
+  uint8_t bytes[BATCH][GV_CANNELLONI_MAX_BYTES];
+  _Alignas(struct cmsghdr) uint8_t control[BATCH][CMSG_SPACE(sizeof(struct timespec))];
+  int batch_count, batch_next;
+  uint8_t out[GV_CANNELLONI_MAX_BYTES];
+} udp;
+
+static int64_t clock_ns(clockid_t clock) {
+  struct timespec t;
+  clock_gettime(clock, &t);
+  return (int64_t)t.tv_sec * 1000000000 + t.tv_nsec;
+}
+
+static bool same_address(const address *a, const address *b) {
+  if (a->any.sa_family != b->any.sa_family) return false;
+  if (a->any.sa_family == AF_INET) return a->v4.sin_port == b->v4.sin_port && a->v4.sin_addr.s_addr == b->v4.sin_addr.s_addr;
+  return a->v6.sin6_port == b->v6.sin6_port && memcmp(&a->v6.sin6_addr, &b->v6.sin6_addr, sizeof a->v6.sin6_addr) == 0;
+}
+
+// Fill the batch from the socket. Returns the datagrams read.
+static int read_batch(udp *u) {
+  for (int i = 0; i < BATCH; i++) {
+    struct msghdr *h = &u->message[i].msg_hdr;
+    h->msg_namelen = sizeof u->source[i];
+    h->msg_controllen = sizeof u->control[i];
+    h->msg_flags = 0;
+  }
+  int n = recvmmsg(u->fd, u->message, BATCH, MSG_DONTWAIT, NULL);
+  u->batch_next = 0;
+  u->batch_count = n > 0 ? n : 0;
+  return u->batch_count;
+}
+
+// When the kernel received datagram i, on CLOCK_MONOTONIC: not after now_ns, not before its predecessor.
+static int64_t datagram_stamp(udp *u, int i, int64_t now_ns) {
+  struct msghdr *h = &u->message[i].msg_hdr;
+  int64_t mono = clock_ns(CLOCK_MONOTONIC), stamp = mono;
+  for (struct cmsghdr *c = CMSG_FIRSTHDR(h); c; c = CMSG_NXTHDR(h, c)) {
+    if (c->cmsg_level != SOL_SOCKET || c->cmsg_type != SCM_TIMESTAMPNS) continue;
+    struct timespec t;
+    memcpy(&t, CMSG_DATA(c), sizeof t);
+    stamp = (int64_t)t.tv_sec * 1000000000 + t.tv_nsec + (mono - clock_ns(CLOCK_REALTIME));
+  }
+  if (stamp < u->last_ns) stamp = u->last_ns;
+  return stamp > now_ns ? now_ns : stamp;
+}
+
+static void count_lost(udp *u, uint8_t seq, int64_t stamp_ns) {
+  uint8_t gap = (uint8_t)(seq - u->next_seq);
+  bool anew = !u->heard || stamp_ns - u->last_ns > silence_ns || (seq == 0 && gap > RESTART_GAP);
+  if (!anew && gap < SEQ_BEHIND) u->stats.lost += gap;
+  // A datagram a little behind was doubled or swapped: the count goes on where it was.
+  if (anew || gap < 256 - RESTART_GAP) u->next_seq = (uint8_t)(seq + 1);
+  u->heard = true;
+  u->last_ns = stamp_ns;
+}
+
+// Decode the next datagram of the batch into `pending`.
+static void take_datagram(udp *u, int64_t now_ns) {
+  int i = u->batch_next++;
+  uint8_t seq;
+  if (!same_address(&u->source[i], &u->peer)) {
+    u->stats.foreign++;
+    return;
+  }
+  bool whole = !(u->message[i].msg_hdr.msg_flags & MSG_TRUNC);
+  int count = whole ? gv_cannelloni_unpack(u->bytes[i], u->message[i].msg_len, &seq, u->pending, GV_CANNELLONI_MAX_FRAMES) : -1;
+  if (count < 0) {
+    u->stats.bad++;
+    return;
+  }
+  int64_t stamp = datagram_stamp(u, i, now_ns);
+  count_lost(u, seq, stamp);
+  for (int k = 0; k < count; k++) u->pending[k].stamp_ns = stamp;
+  u->pending_next = 0;
+  u->pending_count = count;
+}
+
+static int poll_udp(void *self, int64_t now_ns, gv_frame *out, int max) {
+  udp *u = self;
+  int n = 0, budget = POLL_DATAGRAMS;
+  bool drained = false;
+  while (n < max) {
+    if (u->pending_next < u->pending_count) {
+      out[n++] = u->pending[u->pending_next++];
+    } else if (u->batch_next < u->batch_count) {
+      if (budget-- == 0) break;
+      take_datagram(u, now_ns);
+    } else {
+      if (drained || read_batch(u) == 0) break;
+      drained = u->batch_count < BATCH;
+    }
+  }
+  u->stats.rx += (uint64_t)n;
+  return n;
+}
+
+static int send_udp(void *self, const gv_frame *frame, int count) {
+  udp *u = self;
+  if (count <= 0) return 0;
+  int bytes = gv_cannelloni_pack(u->send_seq, frame, count, u->out, sizeof u->out);
+  bool sent = bytes > 0 && sendto(u->fd, u->out, (size_t)bytes, MSG_DONTWAIT | MSG_NOSIGNAL, &u->peer.any, u->peer_size) == bytes;
+  u->send_seq++;  // also where it failed: the peer then sees what it missed
+  if (sent) u->stats.tx += (uint64_t)count;
+  else u->stats.tx_failed += (uint64_t)count;
+  return sent ? 0 : -1;
+}
+
+static bool udp_ended(void *self) {
+  (void)self;
+  return false;
+}
+static gv_driver_stats udp_stats(void *self) { return ((udp *)self)->stats; }
+static void close_udp(void *self) {
+  udp *u = self;
+  if (u->fd >= 0) close(u->fd);
+  free(u);
+}
+
+typedef struct udp_url { char host[256], port[6], listen[6]; } udp_url;
+
+// A decimal port 1..65535 up to one of the characters in `end`; null where it is none.
+static const char *read_port(const char *p, const char *end, char out[6]) {
+  size_t n = strspn(p, "0123456789");
+  if (n == 0 || n > 5 || !strchr(end, p[n])) return NULL;
+  memcpy(out, p, n);
+  out[n] = 0;
+  long port = strtol(out, NULL, 10);
+  return port >= 1 && port <= 65535 ? p + n : NULL;
+}
+
+// Null, or what is wrong.
+static const char *parse_url(const char *url, udp_url *out) {
+  if (strncmp(url, "udp://", 6) != 0) return "it must open with udp://";
+  const char *p = url + 6, *host = p;
+  size_t n;
+  if (*p == '[') {
+    host++;
+    n = strcspn(host, "]");
+    p = host + n + (host[n] == ']');
+  } else {
+    n = strcspn(p, ":?/");
+    p += n;
+  }
+  if (n == 0 || n >= sizeof out->host) return "the host is missing or too long";
+  memcpy(out->host, host, n);
+  out->host[n] = 0;
+  if (*p != ':' || !(p = read_port(p + 1, "?", out->port))) return "after the host comes :PORT, 1 to 65535";
+  if (strncmp(p, "?listen=", 8) != 0 || !read_port(p + 8, "", out->listen)) return "it ends with ?listen=PORT, 1 to 65535, and nothing else";
+  return NULL;
+}
+
+static bool is_loopback(const address *a) {
+  if (a->any.sa_family == AF_INET) return ntohl(a->v4.sin_addr.s_addr) >> 24 == 127;
+  return IN6_IS_ADDR_LOOPBACK(&a->v6.sin6_addr);
+}
+
+// Resolve the peer, by IPv4 where it has both (so that "localhost" means the same on both ends).
+// Returns 0 or getaddrinfo's error.
+static int resolve_peer(udp *u, const udp_url *url) {
+  struct addrinfo hints = {.ai_family = AF_INET, .ai_socktype = SOCK_DGRAM, .ai_flags = AI_NUMERICSERV}, *found;
+  int code = getaddrinfo(url->host, url->port, &hints, &found);
+  if (code) {
+    hints.ai_family = AF_INET6;
+    code = getaddrinfo(url->host, url->port, &hints, &found);
+  }
+  if (code) return code;
+  memcpy(&u->peer, found->ai_addr, found->ai_addrlen);
+  u->peer_size = found->ai_addrlen;
+  freeaddrinfo(found);
+  return 0;
+}
+
+// Bind to the listening port: on the loopback alone for a peer there, on every address otherwise.
+static int bind_socket(udp *u, const char *listen_port) {
+  uint16_t port = htons((uint16_t)strtol(listen_port, NULL, 10));
+  address local;
+  memset(&local, 0, sizeof local);
+  local.any.sa_family = u->peer.any.sa_family;
+  if (local.any.sa_family == AF_INET) {
+    local.v4.sin_port = port;
+    local.v4.sin_addr.s_addr = htonl(is_loopback(&u->peer) ? INADDR_LOOPBACK : INADDR_ANY);
+  } else {
+    local.v6.sin6_port = port;
+    local.v6.sin6_addr = is_loopback(&u->peer) ? in6addr_loopback : in6addr_any;
+  }
+  return bind(u->fd, &local.any, u->peer_size);
+}
+
+static int open_socket(udp *u, const char *listen_port) {
+  const int on = 1, room = RECEIVE_BUFFER;
+  u->fd = socket(u->peer.any.sa_family, SOCK_DGRAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0);
+  if (u->fd < 0) return -1;
+  // Both are wishes: with less room a burst is lost and counted, without stamps the time of reading stands in.
+  setsockopt(u->fd, SOL_SOCKET, SO_RCVBUF, &room, sizeof room);
+  setsockopt(u->fd, SOL_SOCKET, SO_TIMESTAMPNS, &on, sizeof on);
+  for (int i = 0; i < BATCH; i++) {
+    u->part[i] = (struct iovec){u->bytes[i], sizeof u->bytes[i]};
+    u->message[i].msg_hdr = (struct msghdr){.msg_name = &u->source[i], .msg_iov = &u->part[i], .msg_iovlen = 1, .msg_control = u->control[i]};
+  }
+  return bind_socket(u, listen_port);
+}
+
+int gv_udp_open(const char *url, gv_driver *out, char *err, size_t err_size) {
+  udp_url parts;
+  const char *wrong = parse_url(url, &parts);
+  if (wrong) {
+    snprintf(err, err_size, "%s: %s; write udp://HOST:PORT?listen=PORT", url, wrong);
+    return -1;
+  }
+  udp *u = calloc(1, sizeof *u);
+  if (!u) {
+    snprintf(err, err_size, "%s: out of memory; close other programs", url);
+    return -1;
+  }
+  u->fd = -1;
+  int code = resolve_peer(u, &parts);
+  if (code) snprintf(err, err_size, "%s: the host %s is not known (%s); check its name or give its address", url, parts.host, gai_strerror(code));
+  else if (open_socket(u, parts.listen))
+    snprintf(err, err_size, "%s: cannot listen on port %s (%s); choose another port, or end the program that holds it", url, parts.listen, strerror(errno));
+  else {
+    *out = (gv_driver){.self = u, .poll = poll_udp, .send = send_udp, .ended = udp_ended, .stats = udp_stats, .close = close_udp};
+    return 0;
+  }
+  close_udp(u);
+  return -1;
+}
