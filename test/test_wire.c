@@ -87,7 +87,7 @@ static void test_pose_survives_the_wire(void) {
 
 static void test_out_of_range_is_clamped(void) {
   gv_frame f;
-  gv_command_msg c = {.age_us = UINT32_MAX, .flags = 0xff, .tension_n = {NAN, INFINITY, -3, 1e9, 5.0}}, c2;
+  gv_command_msg c = {.age_us = UINT32_MAX, .flags = 0xff, .tension_n = {nan(""), HUGE_VAL, -3, 1e9, 5.0}}, c2;
   gv_fcu_pack_command(&c, &f);
   CHECK(gv_fcu_unpack_command(&f, &c2) == 0, "clamped command");
   CHECK(c2.tension_n[0] == 0 && c2.tension_n[1] == 0 && c2.tension_n[2] == 0, "no force from doubt");
@@ -98,7 +98,7 @@ static void test_out_of_range_is_clamped(void) {
   for (int i = 0; i < GV_SENSORS; i++) g.raw[i] = 60000;
   gv_fcu_pack_glove(&g, &f);
   CHECK(gv_fcu_unpack_glove(&f, &g2) == 0 && g2.raw[0] == 4095 && g2.raw[21] == 4095 && g2.age_us == 20, "an age rounds up: %u", g2.age_us);
-  gv_pose_msg p = {.receiver = 2, .T_world_receiver = {{NAN, NAN, NAN, NAN}, {NAN, 1e9, -1e9}}}, p2;
+  gv_pose_msg p = {.receiver = 2, .T_world_receiver = {{nan(""), nan(""), nan(""), nan("")}, {nan(""), 1e9, -1e9}}}, p2;
   gv_fcu_pack_pose(&p, &f);
   CHECK(gv_fcu_unpack_pose(&f, &p2) == GV_FCU_WRONG_VALUE, "a pose that is not a number must not arrive as one");
 }
@@ -290,9 +290,9 @@ static void test_can_utils_read_our_logs(void) {
   snprintf(command, sizeof command, "log2long < %s", write_file("wire.log", text, size));
   FILE *p = popen(command, "r");
   for (int i = 0; i < FRAMES; i++) {
-    long long seconds, micros;
+    long long seconds = 0, micros = 0;
     char iface[20];
-    unsigned id, len;
+    unsigned id = 0, len = 0;
     int at = 0;
     CHECK(fgets(out, sizeof out, p) && sscanf(out, " (%lld.%lld) %19s %x [%u] %n", &seconds, &micros, iface, &id, &len, &at) == 5, "line %d: %s", i, out);
     uint32_t want = f[i].id | (f[i].flags & GV_FRAME_ERROR ? 0x20000000u : 0);
