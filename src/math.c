@@ -68,6 +68,17 @@ double gv_atan2(double y, double x) {
   return y < 0.0 ? -a : a;
 }
 
+double gv_cbrt(double x) {
+  if (!(x > 0.0) || !isfinite(x)) return 0.0;
+  double y = x < 1.0 ? 1.0 : x;  // above the root: Newton falls monotonically
+  for (int i = 0; i < 2000; i++) {
+    double next = (2.0 * y + x / (y * y)) / 3.0;
+    if (!(next < y)) break;
+    y = next;
+  }
+  return y;
+}
+
 gv_quat gv_quat_axis_angle(gv_vec3 axis, double angle_rad) {
   double s, c;
   gv_sincos(0.5 * angle_rad, &s, &c);

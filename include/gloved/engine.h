@@ -86,7 +86,8 @@ typedef struct gv_contact {
 
 // Counters since init; they never go back.
 typedef struct gv_counters {
-  uint64_t steps, samples, samples_refused, contacts_dropped, pairs_dropped, body_resets, overlaps, quicksteps;
+  uint64_t steps, samples, samples_refused, contacts_dropped, pairs_dropped, body_resets, overlaps, quicksteps,
+    solver_errors;             // complaints of the LCP solver
   uint32_t contacts_max, pairs_max;
   double depth_max_m;          // largest penetration of any step
 } gv_counters;

@@ -102,6 +102,9 @@ void gv_sincos(double angle_rad, double *out_sin, double *out_cos);
 // atan2, absolute error below 1e-15; (0, 0) gives 0. Bit-identical on every IEEE machine.
 double gv_atan2(double y, double x);
 
+// Cube root of x >= 0, relative error below 1e-15; bit-identical on every IEEE machine. Set-up.
+double gv_cbrt(double x);
+
 // Rotation by angle_rad about the unit axis.
 gv_quat gv_quat_axis_angle(gv_vec3 axis, double angle_rad);
 // Rotation vector (log map): axis times angle, |.| <= pi, of the unit quaternion q.

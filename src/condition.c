@@ -1,0 +1,102 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// Sample conditioning: calibration, anatomy, a gate for single-sample jumps, and a critically damped filter
+// e'' + 2 w e' + w^2 e = 0 towards the last accepted sample, solved exactly over each step, so that it is
+// stable for every corner. Delay for a ramp: 2 / w = 1 / (pi f). Real-time thread.
+#include "condition.h"
+
+#include <string.h>
+
+// exp(-x), x >= 0, from + and * alone: halved until small, Taylor, squared back.
+static double exp_neg(double x) {
+  int halvings = 0;
+  while (x > 0.5 && halvings < 40) { x *= 0.5; halvings++; }
+  double term = 1.0, sum = 1.0;
+  for (int i = 1; i < 20; i++) { term *= -x / i; sum += term; }
+  while (halvings-- > 0) sum *= sum;
+  return sum;
+}
+
+void gv_condition_init(gv_condition *c, const gv_config *cfg) {
+  memset(c, 0, sizeof *c);
+  c->wrist = c->target = c->held = gv_pose_identity();
+  c->omega = 2.0 * GV_PI * cfg->filter_hz;
+  c->decay = exp_neg(c->omega * cfg->step_s);
+}
+
+// A jump passes only when the next sample says the same. Returns true where the value was held back.
+static bool gate_joint(joint_filter *j, double value, double gate) {
+  bool jump = gate > 0.0 && fabs(value - j->target) > gate;
+  bool confirmed = j->holding && fabs(value - j->held) <= gate;
+  j->holding = jump && !confirmed;
+  j->held = value;
+  if (!j->holding) j->target = value;
+  return j->holding;
+}
+
+static int take_glove(gv_condition *c, const gv_config *cfg, const gv_sample *sample) {
+  for (int i = 0; i < GV_SENSORS; i++)
+    if (!isfinite(sample->raw[i])) return 1;
+  int refused = 0;
+  for (int i = 0; i < GV_SENSORS; i++) {
+    double a = gv_calibration_angle(&cfg->calibration, i, sample->raw[i]);
+    a = gv_clamp(a, cfg->hand.angle_min_rad[i], cfg->hand.angle_max_rad[i]);
+    if (!c->glove_seen) { c->joint[i] = (joint_filter){0.0, a, a, false}; c->angle[i] = a; }
+    else refused += gate_joint(&c->joint[i], a, cfg->gate_rad);
+  }
+  c->glove_seen = true;
+  return refused;
+}
+
+static int take_pose(gv_condition *c, const gv_config *cfg, const gv_sample *sample) {
+  gv_pose T = sample->T_world_receiver;
+  double n = T.q.w * T.q.w + T.q.x * T.q.x + T.q.y * T.q.y + T.q.z * T.q.z;
+  if (!gv_pose_finite(T) || fabs(n - 1.0) > 0.01 || gv_norm(T.p) > 100.0) return 1;
+  T.q = gv_quat_normalize(T.q);
+  T = gv_pose_mul(T, cfg->T_receiver_wrist);
+  if (!c->pose_seen) {
+    c->wrist = c->target = c->held = T;
+    c->pose_seen = true;
+    return 0;
+  }
+  bool jump = cfg->gate_m > 0.0 && gv_norm(gv_sub(T.p, c->target.p)) > cfg->gate_m;
+  bool confirmed = c->holding && gv_norm(gv_sub(T.p, c->held.p)) <= cfg->gate_m;
+  c->holding = jump && !confirmed;
+  c->held = T;
+  if (!c->holding) c->target = T;
+  return c->holding;
+}
+
+int gv_condition_sample(gv_condition *c, const gv_config *cfg, const gv_sample *sample) {
+  int refused = 0;
+  if (sample->glove_new) refused += take_glove(c, cfg, sample);
+  if (sample->pose_new) refused += take_pose(c, cfg, sample);
+  return refused;
+}
+
+// e(h) = (e + (v + w e) h) exp(-w h),  v(h) = (v - w (v + w e) h) exp(-w h)
+static void decay_scalar(double *e, double *v, double omega, double decay, double h) {
+  double j = *v + omega * *e;
+  *e = (*e + j * h) * decay;
+  *v = (*v - omega * j * h) * decay;
+}
+
+void gv_condition_step(gv_condition *c, double h) {
+  for (int i = 0; i < GV_SENSORS; i++) {
+    joint_filter *j = &c->joint[i];
+    if (!(c->omega > 0.0)) { j->rate = (j->target - c->angle[i]) / h; c->angle[i] = j->target; continue; }
+    double e = c->angle[i] - j->target;
+    decay_scalar(&e, &j->rate, c->omega, c->decay, h);
+    c->angle[i] = j->target + e;
+  }
+  if (!(c->omega > 0.0)) { c->wrist = c->target; return; }
+  gv_vec3 e = gv_sub(c->wrist.p, c->target.p);
+  decay_scalar(&e.x, &c->v.x, c->omega, c->decay, h);
+  decay_scalar(&e.y, &c->v.y, c->omega, c->decay, h);
+  decay_scalar(&e.z, &c->v.z, c->omega, c->decay, h);
+  c->wrist.p = gv_add(c->target.p, e);
+  gv_vec3 r = gv_quat_log(gv_quat_mul(c->wrist.q, gv_quat_conj(c->target.q)));  // world, target to filtered
+  decay_scalar(&r.x, &c->w.x, c->omega, c->decay, h);
+  decay_scalar(&r.y, &c->w.y, c->omega, c->decay, h);
+  decay_scalar(&r.z, &c->w.z, c->omega, c->decay, h);
+  c->wrist.q = gv_quat_normalize(gv_quat_mul(gv_quat_exp(r), c->target.q));
+}

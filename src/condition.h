@@ -1,0 +1,33 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// From samples to a smooth hand: jumps held back, then a critically damped second-order filter that turns
+// samples at any rate into angles and a wrist pose with a velocity at every step. Pure.
+#ifndef CONDITION_H
+#define CONDITION_H
+
+#include "gloved/engine.h"
+
+typedef struct joint_filter {
+  double rate;              // rad/s
+  double target;            // last accepted sample
+  double held;              // a jump waiting for a second opinion
+  bool holding;
+} joint_filter;
+
+typedef struct gv_condition {
+  double angle[GV_SENSORS]; // filtered joint angles, rad
+  joint_filter joint[GV_SENSORS];
+  gv_pose wrist;            // filtered T_world_wrist
+  gv_vec3 v, w;             // its velocity, m/s and rad/s, world
+  gv_pose target, held;
+  bool holding, glove_seen, pose_seen;
+  double omega, decay;      // filter: rad/s, exp(-omega h); omega 0: off
+} gv_condition;
+
+void gv_condition_init(gv_condition *c, const gv_config *cfg);
+// Take a sample in. Returns how many of its parts were held back (joints, pose) or refused.
+int gv_condition_sample(gv_condition *c, const gv_config *cfg, const gv_sample *sample);
+// One step of h. Nothing moves before both glove and pose were seen.
+void gv_condition_step(gv_condition *c, double h);
+static inline bool gv_condition_ready(const gv_condition *c) { return c->glove_seen && c->pose_seen; }
+
+#endif

@@ -1,0 +1,156 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// From poses to contacts: bounds of limbs and pieces (broad phase), manifolds of the pairs whose bounds meet
+// (narrow phase), and for each point its friction, its direction of predicted slip and its place in the
+// list. Gaps that may close within the step count too: the solver lets them close, not overshoot, so a
+// limb stops on the surface and not a step's travel inside. Real-time thread.
+#include "engine_state.h"
+
+typedef struct pair {
+  int body_a, body_b;          // dynamics numbering
+  const gv_shape *shape_a, *shape_b;
+  double margin, mu;
+  gv_pair_cache *cache;
+} pair;
+
+static bool boxes_meet(const gv_aabb *a, const gv_aabb *b) {
+  return a->min.x <= b->max.x && b->min.x <= a->max.x && a->min.y <= b->max.y && b->min.y <= a->max.y &&
+         a->min.z <= b->max.z && b->min.z <= a->max.z;
+}
+
+static void grow_box(gv_aabb *box, double by) {
+  box->min = gv_sub(box->min, gv_v3(by, by, by));
+  box->max = gv_add(box->max, gv_v3(by, by, by));
+}
+
+static void join_box(gv_aabb *box, const gv_aabb *other) {
+  box->min = gv_v3(fmin(box->min.x, other->min.x), fmin(box->min.y, other->min.y), fmin(box->min.z, other->min.z));
+  box->max = gv_v3(fmax(box->max.x, other->max.x), fmax(box->max.y, other->max.y), fmax(box->max.z, other->max.z));
+}
+
+// How far the surface of a body can come in one step, plus its half of the contact margin.
+static double body_margin(const gv_engine *e, int body, double reach) {
+  gv_limb_state s = gv_dynamics_predict(e->dyn, body);
+  double travel = e->cfg.step_s * (gv_norm(s.v) + gv_norm(s.w) * reach);
+  return 0.5 * e->cfg.contact_margin_m + fmin(travel, 0.02);
+}
+
+static double object_margin(const gv_engine *e, int object) {
+  return body_margin(e, GV_LIMBS + object, e->object_reach[object]);
+}
+
+static void bound_objects(gv_engine *e) {
+  for (int o = 0; o < e->scene->object_count; o++) {
+    const gv_object *object = &e->scene->object[o];
+    const gv_pose *T = &gv_dynamics_state(e->dyn, GV_LIMBS + o)->T;
+    double margin = object_margin(e, o);
+    for (int i = object->piece_first; i < object->piece_first + object->piece_count; i++) {
+      gv_aabb *box = &e->piece_box[i];
+      gv_shape_aabb(&e->piece_shape[i], T, &box->min, &box->max);
+      grow_box(box, margin);
+      if (i == object->piece_first) e->object_box[o] = *box;
+      else join_box(&e->object_box[o], box);
+    }
+  }
+}
+
+// Velocity of a body's point after the step without contacts.
+static gv_vec3 point_velocity(const gv_limb_state *s, gv_vec3 p) { return gv_add(s->v, gv_cross(s->w, gv_sub(p, s->T.p))); }
+
+// The place for one more contact, or -1 where the list is full of deeper ones.
+static int contact_slot(gv_engine *e, double depth) {
+  if (e->contact_count < GV_MAX_CONTACTS) return e->contact_count++;
+  e->events |= GV_EVENT_CONTACTS_DROPPED;
+  e->counters.contacts_dropped++;
+  int shallow = 0;
+  for (int i = 1; i < GV_MAX_CONTACTS; i++)
+    if (e->contact[i].depth_m < e->contact[shallow].depth_m) shallow = i;
+  return depth > e->contact[shallow].depth_m ? shallow : -1;
+}
+
+static void add_contact(gv_engine *e, const pair *p, const gv_contact_point *k, const gv_limb_state *a, const gv_limb_state *b) {
+  gv_vec3 v = gv_sub(point_velocity(a, k->position_world), point_velocity(b, k->position_world));
+  double approach = -gv_dot(v, k->normal_world);
+  if (-k->depth > 0.5 * e->cfg.contact_margin_m + e->cfg.step_s * fmax(0.0, approach)) return;
+  gv_vec3 slip = gv_mad(v, approach, k->normal_world), any = gv_any_perpendicular(k->normal_world);
+  int i = contact_slot(e, k->depth);
+  if (i < 0) return;
+  e->contact[i] = (gv_contact){
+    .limb = p->body_a < GV_LIMBS ? p->body_a : -1 - (p->body_a - GV_LIMBS), .object = p->body_b - GV_LIMBS,
+    .position_world = k->position_world, .normal_world = k->normal_world, .depth_m = k->depth, .face = k->face_b};
+  e->solver_contact[i] = (gv_dynamics_contact){
+    .body_a = p->body_a, .body_b = p->body_b, .position = k->position_world, .normal = k->normal_world,
+    // The friction pyramid is exact along its first direction: lay it along the coming slip.
+    .friction_dir = gv_norm(slip) > 1e-6 ? gv_normalize_or(slip, any) : any, .depth = k->depth, .mu = p->mu};
+  if (k->depth > e->counters.depth_max_m) e->counters.depth_max_m = k->depth;
+}
+
+static void collide_pair(gv_engine *e, const pair *p) {
+  if (++e->pair_count > GV_MAX_PAIRS) {
+    e->events |= GV_EVENT_PAIRS_DROPPED;
+    e->counters.pairs_dropped++;
+    return;
+  }
+  gv_contact_point point[GV_MAX_PAIR_CONTACTS];
+  gv_distance distance;
+  gv_limb_state a = gv_dynamics_predict(e->dyn, p->body_a), b = gv_dynamics_predict(e->dyn, p->body_b);
+  int count = gv_manifold_pair(p->shape_a, &a.T, p->shape_b, &b.T, p->margin, p->cache, point, &distance);
+  bool overlap = distance.method == GV_NARROW_EPA || distance.method == GV_NARROW_FACES;
+  if (overlap && p->body_a < GV_LIMBS) {
+    e->events |= GV_EVENT_OVERLAP;
+    e->counters.overlaps++;
+  }
+  for (int i = 0; i < count; i++) add_contact(e, p, &point[i], &a, &b);
+}
+
+static double pair_mu(const gv_engine *e, double mu_a, double mu_b) {
+  return e->cfg.override_mu > 0.0 ? e->cfg.override_mu : sqrt(mu_a * mu_b);
+}
+
+static void collide_limb(gv_engine *e, int limb) {
+  const gv_limb_state *s = gv_dynamics_state(e->dyn, limb);
+  double margin = body_margin(e, limb, e->limb_reach[limb]);
+  gv_aabb box;
+  gv_shape_aabb(&e->limb_shape[limb], &s->T, &box.min, &box.max);
+  grow_box(&box, margin);
+  for (int o = 0; o < e->scene->object_count; o++) {
+    const gv_object *object = &e->scene->object[o];
+    if (!boxes_meet(&box, &e->object_box[o])) continue;
+    double both = margin + object_margin(e, o);
+    for (int i = object->piece_first; i < object->piece_first + object->piece_count; i++) {
+      if (!boxes_meet(&box, &e->piece_box[i])) continue;
+      collide_pair(e, &(pair){limb, GV_LIMBS + o, &e->limb_shape[limb], &e->piece_shape[i], both,
+                              pair_mu(e, e->cfg.mu_hand, object->mu), &e->limb_cache[limb * e->scene->piece_count + i]});
+    }
+  }
+}
+
+// a moves; b may be static.
+static void collide_objects(gv_engine *e, int a, int b) {
+  const gv_object *A = &e->scene->object[a], *B = &e->scene->object[b];
+  double margin = object_margin(e, a) + object_margin(e, b);
+  for (int i = A->piece_first; i < A->piece_first + A->piece_count; i++) {
+    if (!boxes_meet(&e->piece_box[i], &e->object_box[b])) continue;
+    for (int j = B->piece_first; j < B->piece_first + B->piece_count; j++) {
+      if (!boxes_meet(&e->piece_box[i], &e->piece_box[j])) continue;
+      int high = i > j ? i : j, low = i > j ? j : i;
+      collide_pair(e, &(pair){GV_LIMBS + a, GV_LIMBS + b, &e->piece_shape[i], &e->piece_shape[j], margin,
+                              pair_mu(e, A->mu, B->mu), &e->piece_cache[high * (high - 1) / 2 + low]});
+    }
+  }
+}
+
+void gv_engine_collide(gv_engine *e) {
+  e->contact_count = e->pair_count = 0;
+  bound_objects(e);
+  if (e->placed)
+    for (int i = 0; i < GV_LIMBS; i++) collide_limb(e, i);
+  for (int a = 0; a < e->scene->object_count; a++)
+    for (int b = a + 1; b < e->scene->object_count; b++) {
+      bool a_static = e->scene->object[a].is_static, b_static = e->scene->object[b].is_static;
+      if ((a_static && b_static) || !boxes_meet(&e->object_box[a], &e->object_box[b])) continue;
+      if (a_static) collide_objects(e, b, a);
+      else collide_objects(e, a, b);
+    }
+  if ((uint32_t)e->pair_count > e->counters.pairs_max) e->counters.pairs_max = (uint32_t)e->pair_count;
+  if ((uint32_t)e->contact_count > e->counters.contacts_max) e->counters.contacts_max = (uint32_t)e->contact_count;
+}

@@ -1,0 +1,27 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// The spring-damper between a driver frame and a simulated limb (Eqn 1 to 4), by backward Euler. Pure.
+#ifndef COUPLING_H
+#define COUPLING_H
+
+#include "gloved/engine.h"
+
+typedef struct gv_limb_state { gv_pose T; gv_vec3 v, w; } gv_limb_state; // world; w: angular velocity
+
+// A coupling made ready for one limb and one step size.
+typedef struct gv_spring {
+  double k_f, d_f, k_t, d_t;     // critical damping resolved
+  double k_small;                // small-angle stiffness: k_t, in the paper's law 2 k_t
+  double mass_kg, added_mass_kg; // h d + h^2 k
+  double added_inertia;          // h d_t + h^2 k_small, kg m^2, the same about every axis
+  double h;
+  gv_rotation_law law;
+} gv_spring;
+
+gv_spring gv_spring_make(const gv_coupling *coupling, double mass_kg, double mean_inertia, double h, gv_rotation_law law);
+// Force and torque to apply to a body of augmented mass and inertia over the coming step.
+void gv_spring_apply(const gv_spring *s, const gv_limb_state *sim, const gv_limb_state *driver, gv_vec3 *out_f, gv_vec3 *out_t);
+// Coupling force and torque (Eqn 1, 2) at the end of a step: what the spring and the damper hold now. The
+// driver has moved on by h times its velocity.
+void gv_spring_feel(const gv_spring *s, const gv_limb_state *sim, const gv_limb_state *driver, gv_vec3 *out_f, gv_vec3 *out_t);
+
+#endif

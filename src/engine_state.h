@@ -1,0 +1,45 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// What an engine is made of: shared by engine.c (the step), contact.c (its collision part) and view.c.
+#ifndef ENGINE_STATE_H
+#define ENGINE_STATE_H
+
+#include "condition.h"
+#include "coupling.h"
+#include "dynamics.h"
+#include "gloved/arena.h"
+#include "gloved/engine.h"
+#include "gloved/narrow.h"
+
+typedef struct gv_aabb { gv_vec3 min, max; } gv_aabb;
+
+struct gv_engine {
+  gv_config cfg;
+  const gv_scene *scene;
+  gv_arena arena;
+  gv_dynamics *dyn;
+  gv_condition condition;
+  gv_spring spring[GV_LIMBS];
+  gv_shape limb_shape[GV_LIMBS];
+  double limb_reach[GV_LIMBS];         // farthest surface point from the limb's origin, m
+  double limb_inertia[GV_LIMBS];
+  gv_limb_state driver[GV_LIMBS];
+  gv_vec3 felt_f[GV_LIMBS], felt_t[GV_LIMBS]; // coupling on the limb at the end of the last step
+  bool placed;
+  // collision: bounds of this step, caches from step to step
+  gv_shape *piece_shape;               // [piece_count]
+  gv_aabb *piece_box;                  // [piece_count] world, grown by the object's margin
+  gv_aabb object_box[GV_MAX_OBJECTS];
+  double object_reach[GV_MAX_OBJECTS]; // farthest vertex from the body's origin, m
+  gv_pair_cache *limb_cache;           // [GV_LIMBS][piece_count]
+  gv_pair_cache *piece_cache;          // [piece_count (piece_count - 1) / 2]
+  int contact_count, pair_count;
+  gv_contact contact[GV_MAX_CONTACTS];
+  gv_dynamics_contact solver_contact[GV_MAX_CONTACTS];
+  gv_counters counters;
+  uint32_t events;
+};
+
+// Broad phase, narrow phase and contacts of this step into engine->contact and solver_contact.
+void gv_engine_collide(gv_engine *engine);
+
+#endif

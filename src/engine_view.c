@@ -1,0 +1,51 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// Reading an engine's state, hashing it, and placing objects. Called between steps by the thread that steps.
+#include <string.h>
+
+#include "engine_state.h"
+
+const gv_counters *gv_engine_counters(const gv_engine *e) { return &e->counters; }
+const gv_contact *gv_engine_contacts(const gv_engine *e, int *out_count) { *out_count = e->contact_count; return e->contact; }
+bool gv_engine_hand_placed(const gv_engine *e) { return e->placed; }
+gv_pose gv_engine_limb_pose(const gv_engine *e, int limb) { return gv_dynamics_state(e->dyn, limb)->T; }
+gv_pose gv_engine_driver_pose(const gv_engine *e, int limb) { return e->driver[limb].T; }
+void gv_engine_limb_velocity(const gv_engine *e, int limb, gv_vec3 *out_v, gv_vec3 *out_w) {
+  *out_v = gv_dynamics_state(e->dyn, limb)->v;
+  *out_w = gv_dynamics_state(e->dyn, limb)->w;
+}
+void gv_engine_coupling(const gv_engine *e, int limb, gv_vec3 *out_f, gv_vec3 *out_t) {
+  *out_f = e->felt_f[limb];
+  *out_t = e->felt_t[limb];
+}
+gv_pose gv_engine_object_pose(const gv_engine *e, int object) { return gv_dynamics_state(e->dyn, GV_LIMBS + object)->T; }
+void gv_engine_object_velocity(const gv_engine *e, int object, gv_vec3 *out_v, gv_vec3 *out_w) {
+  *out_v = gv_dynamics_state(e->dyn, GV_LIMBS + object)->v;
+  *out_w = gv_dynamics_state(e->dyn, GV_LIMBS + object)->w;
+}
+const double *gv_engine_angles(const gv_engine *e) { return e->condition.angle; }
+void gv_engine_memory(const gv_engine *e, size_t *out_used, size_t *out_peak, size_t *out_size) {
+  *out_used = e->arena.used;
+  *out_peak = e->arena.peak;
+  *out_size = e->arena.size;
+}
+double gv_engine_energy(const gv_engine *e) { return gv_dynamics_object_energy(e->dyn); }
+void gv_engine_set_object(gv_engine *e, int object, gv_pose T_world_body, gv_vec3 v, gv_vec3 w) {
+  gv_dynamics_set_state(e->dyn, GV_LIMBS + object, &(gv_limb_state){T_world_body, v, w});
+}
+
+static uint64_t fnv1a(uint64_t hash, const void *data, size_t size) {
+  const uint8_t *byte = data;
+  for (size_t i = 0; i < size; i++) hash = (hash ^ byte[i]) * 1099511628211ULL;
+  return hash;
+}
+
+uint64_t gv_engine_hash(const gv_engine *e) {
+  uint64_t hash = fnv1a(14695981039346656037ULL, &e->counters.steps, sizeof e->counters.steps);
+  for (int i = 0; i < GV_LIMBS + e->scene->object_count; i++)
+    hash = fnv1a(hash, gv_dynamics_state(e->dyn, i), sizeof(gv_limb_state));
+  hash = fnv1a(hash, e->condition.angle, sizeof e->condition.angle);
+  for (int i = 0; i < GV_SENSORS; i++) hash = fnv1a(hash, &e->condition.joint[i].rate, sizeof(double));
+  hash = fnv1a(hash, &e->condition.wrist, sizeof e->condition.wrist);
+  hash = fnv1a(hash, &e->condition.v, sizeof e->condition.v);
+  return fnv1a(hash, &e->condition.w, sizeof e->condition.w);
+}

@@ -1,0 +1,80 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// Forces on their way to the person: limb wrenches to tendon tensions by virtual work, and the one limiter
+// that every force leaves through. Real-time thread.
+#include "gloved/force.h"
+
+#include <string.h>
+
+int gv_tendon_joints(int finger, int out_sensor[3], double out_arm_m[3]) {
+  static const int sensor[GV_FINGERS][3] = {
+    {GV_THUMB_ROTATE, GV_THUMB_MPJ, GV_THUMB_IJ}, {GV_INDEX_MPJ, GV_INDEX_PIJ, GV_INDEX_DIJ},
+    {GV_MIDDLE_MPJ, GV_MIDDLE_PIJ, GV_MIDDLE_DIJ}, {GV_RING_MPJ, GV_RING_PIJ, GV_RING_DIJ},
+    {GV_LITTLE_MPJ, GV_LITTLE_PIJ, GV_LITTLE_DIJ}};
+  // The exoskeleton lifts the fingertip, square to its pad: the arms are about the distances from the tip to
+  // the joints of a half-bent finger, so that a tension of 1 N is felt as about 1 N at the tip.
+  static const double arm[GV_FINGERS][3] = {
+    {0.075, 0.050, 0.022}, {0.065, 0.038, 0.018}, {0.075, 0.045, 0.019}, {0.070, 0.045, 0.020}, {0.055, 0.035, 0.018}};
+  if (finger < 0 || finger >= GV_FINGERS) return 0;
+  for (int j = 0; j < 3; j++) {
+    out_sensor[j] = sensor[finger][j];
+    out_arm_m[j] = arm[finger][j];
+  }
+  return 3;
+}
+
+void gv_tendon_map(const gv_joint_axis joint[GV_SENSORS], const gv_pose T_world_limb[GV_LIMBS],
+                   const gv_vec3 f_limb[GV_LIMBS], const gv_vec3 t_limb[GV_LIMBS], double out_tension_n[GV_FINGERS]) {
+  for (int finger = 0; finger < GV_FINGERS; finger++) {
+    int sensor[3];
+    double arm[3], work = 0.0, arms = 0.0;
+    gv_tendon_joints(finger, sensor, arm);
+    for (int j = 0; j < 3; j++) {
+      const gv_joint_axis *a = &joint[sensor[j]];
+      double flexing = 0.0;  // torque that bends the joint further
+      for (int limb = 3 * finger + j; limb < 3 * finger + 3; limb++) {
+        gv_vec3 lever = gv_sub(T_world_limb[limb].p, a->p_world);
+        flexing += gv_dot(a->axis_world, gv_add(t_limb[limb], gv_cross(lever, f_limb[limb])));
+      }
+      work -= arm[j] * flexing;
+      arms += arm[j] * arm[j];
+    }
+    double tension = work / arms;
+    out_tension_n[finger] = tension > 0.0 ? tension : 0.0;  // a tendon only pulls; not-a-number becomes 0
+  }
+}
+
+gv_limiter_config gv_limiter_config_default(void) {
+  return (gv_limiter_config){.max_n = 12.0, .slew_n_per_s = 400.0, .ramp_s = 0.015, .max_age_s = 0.05};
+}
+
+void gv_limiter_init(gv_limiter *limiter, const gv_limiter_config *cfg) {
+  memset(limiter, 0, sizeof *limiter);
+  limiter->cfg = *cfg;
+}
+
+// No force for a desire that is not finite; the channel's maximum; never faster up than the slew limit.
+static double limit_channel(const gv_limiter_config *c, double desired, double last, double dt_s, unsigned *flags) {
+  double want = desired > 0.0 ? desired : 0.0;
+  if (want > c->max_n) { want = c->max_n; *flags |= GV_LIMITER_VALUE; }
+  double rise = c->slew_n_per_s * dt_s;
+  if (want > last + rise) { want = last + rise; *flags |= GV_LIMITER_SLEW; }
+  return want;
+}
+
+unsigned gv_limiter_step(gv_limiter *l, const double desired_n[GV_FINGERS], bool enabled, double age_s, double dt_s,
+                         double out_n[GV_FINGERS]) {
+  const gv_limiter_config *c = &l->cfg;
+  unsigned flags = enabled ? 0 : GV_LIMITER_DISABLED;
+  if (!(age_s >= 0.0 && age_s <= c->max_age_s)) flags |= GV_LIMITER_AGE;
+  for (int i = 0; i < GV_FINGERS; i++)
+    if (!isfinite(desired_n[i])) flags |= GV_LIMITER_NOT_FINITE;
+  bool doubt = flags != 0;
+  // Full force to zero within ramp_s, whatever the force was.
+  double fall = c->ramp_s > 0.0 ? c->max_n * dt_s / c->ramp_s : c->max_n;
+  for (int i = 0; i < GV_FINGERS; i++) {
+    double last = l->out_n[i];
+    double next = doubt ? last - fall : limit_channel(c, desired_n[i], last, dt_s, &flags);
+    l->out_n[i] = out_n[i] = next > 0.0 ? fmin(next, c->max_n) : 0.0;
+  }
+  return flags;
+}

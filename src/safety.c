@@ -1,0 +1,85 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// The safety state machine (drawn in gloved/safety.h). Real-time thread; pure.
+#include "gloved/safety.h"
+
+#include <stddef.h>
+
+gv_safety_config gv_safety_config_default(void) {
+  return (gv_safety_config){.max_age_s = 0.05, .arm_below_n = 0.1, .bad_limit = 10, .bad_window_s = 0.1, .overrun_limit = 20};
+}
+
+void gv_safety_init(gv_safety *s, const gv_safety_config *cfg) {
+  *s = (gv_safety){.cfg = *cfg, .state = GV_SAFETY_START};
+}
+
+static bool fresh(bool seen, double age_s, double max_age_s) { return seen && age_s >= 0.0 && age_s <= max_age_s; }
+
+// Events leak away over the window: the level is about their count within it.
+static double leak(double level, unsigned events, double dt_s, double window_s) {
+  double kept = window_s > dt_s ? level * (1.0 - dt_s / window_s) : 0.0;
+  return kept + events;
+}
+
+static uint32_t present_faults(gv_safety *s, const gv_safety_input *in) {
+  const gv_safety_config *c = &s->cfg;
+  uint32_t f = 0;
+  if (!fresh(in->glove_seen, in->glove_age_s, c->max_age_s)) f |= GV_FAULT_GLOVE_STALE;
+  if (!fresh(in->tracker_seen, in->tracker_age_s, c->max_age_s)) f |= GV_FAULT_TRACKER_STALE;
+  if (s->bad_level > c->bad_limit) f |= GV_FAULT_FRAMES;
+  if (!in->finite) f |= GV_FAULT_NOT_FINITE;
+  if (s->overrun_level > c->overrun_limit) f |= GV_FAULT_OVERRUN;
+  if (in->device_fault) f |= GV_FAULT_DEVICE;
+  return f;
+}
+
+static gv_safety_state next_state(gv_safety *s, const gv_safety_input *in, uint32_t faults) {
+  const uint32_t stale = GV_FAULT_GLOVE_STALE | GV_FAULT_TRACKER_STALE;
+  bool near_zero = in->desired_max_n <= s->cfg.arm_below_n;
+  switch (s->state) {
+    case GV_SAFETY_START: return GV_SAFETY_WAIT;
+    case GV_SAFETY_WAIT:
+      if (faults & ~stale) return GV_SAFETY_FAULT;
+      return faults ? GV_SAFETY_WAIT : GV_SAFETY_READY;
+    case GV_SAFETY_READY:
+      if (faults & ~stale) return GV_SAFETY_FAULT;
+      if (faults) return GV_SAFETY_WAIT;
+      return in->dead_man && s->released && near_zero ? GV_SAFETY_ARMED : GV_SAFETY_READY;
+    case GV_SAFETY_ARMED:
+    case GV_SAFETY_ACTIVE:
+      if (faults) return GV_SAFETY_FAULT;  // a force may be flowing: stale data is a fault here
+      if (!in->dead_man) return GV_SAFETY_READY;
+      return near_zero && s->state == GV_SAFETY_ARMED ? GV_SAFETY_ARMED : GV_SAFETY_ACTIVE;
+    case GV_SAFETY_FAULT: return !(faults & ~stale) && s->released ? GV_SAFETY_WAIT : GV_SAFETY_FAULT;
+    case GV_SAFETY_STOPPED: break;
+  }
+  return GV_SAFETY_STOPPED;
+}
+
+gv_safety_state gv_safety_step(gv_safety *s, const gv_safety_input *in, double dt_s) {
+  s->bad_level = leak(s->bad_level, in->bad_frames, dt_s, s->cfg.bad_window_s);
+  s->overrun_level = leak(s->overrun_level, in->overruns, dt_s, s->cfg.bad_window_s);
+  uint32_t faults = present_faults(s, in);
+  if (!in->dead_man && in->glove_seen) s->released = true;
+  gv_safety_state next = in->stop ? GV_SAFETY_STOPPED : next_state(s, in, faults);
+  if (next == GV_SAFETY_FAULT) {
+    if (s->state != GV_SAFETY_FAULT) { s->faults = 0; s->released = false; }
+    s->faults |= faults;
+  } else {
+    s->faults = 0;
+  }
+  s->state = next;
+  return next;
+}
+
+const char *gv_safety_name(gv_safety_state state) {
+  static const char *const name[] = {"start", "wait", "ready", "armed", "active", "fault", "stopped"};
+  return (unsigned)state < sizeof name / sizeof *name ? name[state] : "?";
+}
+
+const char *gv_fault_text(uint32_t faults) {
+  static const char *const text[] = {"glove data too old", "tracker data too old", "too many bad or lost frames",
+                                     "a number was not finite", "the step overran repeatedly", "the device reports a fault"};
+  for (size_t i = 0; i < sizeof text / sizeof *text; i++)
+    if (faults >> i & 1) return text[i];
+  return "none";
+}
