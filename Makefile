@@ -18,7 +18,7 @@ CORE    := $(wildcard src/*.c)
 PROCESS := $(filter-out src/process/main.c,$(wildcard src/process/*.c))
 DRIVERS := $(wildcard drivers/*.c)
 TOOLS   := $(patsubst tools/%.c,%,$(wildcard tools/*.c))
-TESTS   := $(patsubst test/%.c,%,$(wildcard test/test_*.c))
+TESTS   := $(patsubst test/%.c,%,$(wildcard test/test_*.c test/*_pipe.c))
 TYPES   := $(patsubst data/lcm/%.lcm,%,$(wildcard data/lcm/*.lcm))
 GEN_O   := $(TYPES:%=$(B)/gen/%.o)
 OBJ      = $(1:%.c=$(B)/%.o)
@@ -54,8 +54,13 @@ $(TESTS:%=$(B)/test/%): $(B)/test/%: $(B)/test/%.o $(LIB)
 deps:
 
 ## test: build and run every test
-test: all
+test: all build/venv/.done
 	@B=$(B) test/run
+# What the tests in Python check against: the frame database and logs as other people's tools read them.
+build/venv/.done:
+	python3 -m venv build/venv
+	build/venv/bin/pip install -q --disable-pip-version-check cantools python-can
+	@touch $@
 
 ## help: this list
 help:
