@@ -23,6 +23,7 @@ typedef struct gv_hull {
   const uint16_t *face_vertex;    // polygon corners
   const uint16_t *neighbor_start; // [vertex_count + 1] into neighbor
   const uint16_t *neighbor;       // vertices joined by an edge (for hill climbing)
+  const uint16_t *neighbor_face;  // the face to the left of each of these edges: all faces around the vertex
   gv_vec3 center;                 // mean of the vertices: a point inside
   gv_vec3 aabb_min, aabb_max;     // body frame
 } gv_hull;

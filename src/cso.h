@@ -1,0 +1,61 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// The configuration space obstacle of a pair of cores (section C of the paper), as the set B - A in the
+// frame of B: the cores overlap exactly when it contains the origin. Its support h(n), n a unit vector
+// from B to A, is the penetration of the cores along n (Eqn 8), negative where n separates them.
+// Internal to the narrow phase. Working in the frame of B keeps rounding at the size of the shapes.
+#ifndef GLOVED_CSO_H
+#define GLOVED_CSO_H
+
+#include "gloved/narrow.h"
+
+typedef struct gv_core {  // a core (no sphere) placed in the frame of B
+  gv_core_kind kind;
+  gv_vec3 center;         // of its own frame
+  gv_vec3 axis[3];        // box and segment: half extents along the core's axes
+  const gv_hull *hull;
+  gv_mat3 R;              // hull: rotation into the frame of B
+  bool in_place;          // hull: R is the identity and center zero
+} gv_core;
+
+typedef struct gv_cso {
+  gv_core a, b;
+  gv_pair_cache *cache;   // start vertices
+} gv_cso;
+
+typedef struct gv_cso_point {
+  gv_vec3 w;              // b - a
+  gv_vec3 a;              // the point of A
+} gv_cso_point;
+
+typedef struct gv_epa_result {
+  double depth;           // h(normal), metres; negative: this direction separates the cores
+  double lower_bound;     // of the depth
+  gv_vec3 normal, on_a;   // frame of B; on_a on the core of A
+  int iterations;
+} gv_epa_result;
+
+gv_core gv_core_place(const gv_shape *shape, gv_pose T_b_shape, bool in_place);
+gv_vec3 gv_core_support(const gv_core *core, gv_vec3 d, uint16_t *hint);
+int gv_hull_support(const gv_hull *hull, gv_vec3 d, int start);
+
+static inline gv_cso_point gv_cso_support(const gv_cso *cso, gv_vec3 n) {
+  gv_vec3 b = gv_core_support(&cso->b, n, &cso->cache->vertex_b);
+  gv_vec3 a = gv_core_support(&cso->a, gv_neg(n), &cso->cache->vertex_a);
+  return (gv_cso_point){gv_sub(b, a), a};
+}
+
+// A point inside the core, frame of B.
+static inline gv_vec3 gv_core_center(const gv_core *core) {
+  return core->kind == GV_CORE_HULL ? gv_add(core->center, gv_mat3_mul(&core->R, core->hull->center)) : core->center;
+}
+
+// Both find the least h(n); `guess` is a unit vector, any. False: the obstacle has no volume (out is not set).
+bool gv_epa_run(const gv_cso *cso, gv_vec3 guess, gv_epa_result *out);
+// The least h over the guess, face normals, and cross products of edges, a bounded number of them.
+void gv_epa_sweep_faces(const gv_cso *cso, gv_vec3 guess, gv_epa_result *out);
+
+// The distance, with the cores as placed in the frame of B left in *out_cso, and results in that frame.
+void gv_distance_in_b(const gv_shape *a, const gv_pose *T_world_a, const gv_shape *b, const gv_pose *T_world_b,
+                      double max_distance, gv_pair_cache *cache, gv_cso *out_cso, gv_distance *out);
+
+#endif

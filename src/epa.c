@@ -1,0 +1,206 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// Penetration depth of overlapping cores: the least support h(n) of the obstacle B - A (Eqn 8), by an
+// expanding polytope in fixed memory on the stack (about 35 kB).
+//
+// The polytope lies inside the obstacle, so the least offset of its faces is a lower bound of the depth,
+// also where it is negative (the origin still outside). Every direction that was asked gives an upper
+// bound, h itself. The best of these is the answer: whatever rounding does to the polytope, the answer
+// is a true h(n) of a unit n, and the search ends when the bounds meet. The obstacle is a polyhedron, so
+// they meet exactly, after a few steps when the guess is the normal of the last time.
+// Pure; any thread.
+#include "cso.h"
+#include "polytope.h"
+
+enum { SEEDS = 7, SWEEP_FACES = 256, SWEEP_EDGES = 64 };
+
+typedef struct search {
+  const gv_cso *cso;
+  gv_polytope polytope;
+  gv_vec3 w[GV_EPA_MAX_VERTICES], on_a[GV_EPA_MAX_VERTICES];
+  gv_polytope_face face[GV_EPA_MAX_FACES];
+  gv_polytope_edge edge[GV_EPA_MAX_FACES + 2];
+  uint16_t seen[GV_EPA_MAX_FACES + 2], link[GV_EPA_MAX_VERTICES];
+  int count;              // of w
+  double size;            // largest |w| of the seeds, metres
+  double best;            // least h so far
+  gv_vec3 best_normal;
+  uint16_t best_vertex[3];// of the face that asked for it
+} search;
+
+static double ask(search *s, gv_vec3 n) {
+  gv_cso_point p = gv_cso_support(s->cso, n);
+  s->w[s->count] = p.w;
+  s->on_a[s->count] = p.a;
+  return gv_dot(p.w, n);
+}
+
+static void keep_point(search *s) {
+  s->size = fmax(s->size, gv_norm(s->w[s->count]));
+  s->count++;
+}
+
+// Seeds: four corners around the guess (on the face itself, where the obstacle has one there), the far
+// side, and two sideways.
+static void ask_seeds(search *s, gv_vec3 guess) {
+  gv_vec3 t = gv_any_perpendicular(guess), u = gv_cross(guess, t);
+  const double tilt = 0.02;
+  const gv_vec3 direction[SEEDS] = {gv_neg(guess), gv_mad(guess, tilt, t), gv_mad(guess, -tilt, t),
+                                    gv_mad(guess, tilt, u), gv_mad(guess, -tilt, u), t, gv_neg(t)};
+  for (int i = 0; i < SEEDS; i++) {
+    (void)ask(s, direction[i]);
+    keep_point(s);
+  }
+}
+
+// A tetrahedron of the seeds; where they lie in a plane, of what lies off that plane too.
+static bool start_polytope(search *s) {
+  double tolerance = 1e-9 * s->size;
+  uint16_t pick[4];
+  if (!gv_polytope_pick_tetrahedron(s->w, s->count, tolerance, pick)) {
+    gv_vec3 x = gv_sub(s->w[pick[1]], s->w[pick[0]]), y = gv_sub(s->w[pick[2]], s->w[pick[0]]);
+    gv_vec3 across = gv_normalize_or(gv_cross(x, y), gv_any_perpendicular(gv_normalize_or(x, gv_v3(0, 0, 1))));
+    gv_vec3 other = gv_cross(across, gv_normalize_or(x, gv_v3(0, 0, 1)));
+    const gv_vec3 direction[4] = {across, gv_neg(across), other, gv_neg(other)};
+    for (int i = 0; i < 4; i++) {
+      (void)ask(s, direction[i]);
+      keep_point(s);
+    }
+    if (!gv_polytope_pick_tetrahedron(s->w, s->count, tolerance, pick)) return false;
+  }
+  return gv_polytope_start(&s->polytope, pick);
+}
+
+static void add_seeds(search *s) {
+  for (int i = 0; i < s->count; i++) {
+    int seed = gv_polytope_most_visible(&s->polytope, s->w[i]);
+    if (seed >= 0) (void)gv_polytope_add(&s->polytope, (uint16_t)i, seed);
+  }
+}
+
+static int find_nearest_face(const gv_polytope *P) {
+  int best = -1;
+  for (int f = 0; f < P->face_count; f++)
+    if (gv_polytope_alive(P, f) && (best < 0 || P->face[f].offset < P->face[best].offset)) best = f;
+  return best;
+}
+
+// Grow at the face nearest to the origin until the bounds meet. Returns the lower bound.
+static double expand(search *s, int *out_iterations) {
+  gv_polytope *P = &s->polytope;
+  double lower = 0, tolerance = P->tolerance;
+  int i = 0;
+  for (; i < GV_EPA_MAX_ITERATIONS && s->count < GV_EPA_MAX_VERTICES; i++) {
+    int f = find_nearest_face(P);
+    lower = P->face[f].offset;
+    if (lower >= s->best - tolerance) break;
+    double h = ask(s, P->face[f].normal);
+    if (h < s->best) {
+      s->best = h, s->best_normal = P->face[f].normal;
+      for (int k = 0; k < 3; k++) s->best_vertex[k] = P->face[f].vertex[k];
+    }
+    if (h - lower <= tolerance) break;
+    s->count++;
+    if (!gv_polytope_add(P, (uint16_t)(s->count - 1), f)) P->face[f].offset = h;  // final: as close as rounding allows
+  }
+  *out_iterations = i;
+  return fmin(lower, s->best);
+}
+
+// The point of A under the origin: its weights in the triangle of the best face, kept inside it.
+static gv_vec3 find_on_a(const search *s) {
+  const uint16_t *v = s->best_vertex;
+  gv_vec3 a = s->w[v[0]], b = s->w[v[1]], c = s->w[v[2]], n = s->best_normal;
+  gv_vec3 p = gv_scale(n, s->best);
+  double wa = fmax(0, gv_dot(n, gv_cross(gv_sub(b, p), gv_sub(c, p))));
+  double wb = fmax(0, gv_dot(n, gv_cross(gv_sub(c, p), gv_sub(a, p))));
+  double wc = fmax(0, gv_dot(n, gv_cross(gv_sub(a, p), gv_sub(b, p))));
+  double sum = wa + wb + wc;
+  if (!(sum > 0)) return s->on_a[v[0]];
+  gv_vec3 r = gv_scale(s->on_a[v[0]], wa / sum);
+  return gv_mad(gv_mad(r, wb / sum, s->on_a[v[1]]), wc / sum, s->on_a[v[2]]);
+}
+
+bool gv_epa_run(const gv_cso *cso, gv_vec3 guess, gv_epa_result *out) {
+  search s;
+  s.cso = cso;
+  s.count = 0;
+  s.size = 0;
+  s.polytope = (gv_polytope){.point = s.w, .face = s.face, .edge = s.edge, .seen = s.seen, .link = s.link,
+                             .face_max = GV_EPA_MAX_FACES, .free_head = -1};
+  ask_seeds(&s, guess);
+  if (!start_polytope(&s)) return false;
+  s.polytope.tolerance = 1e-12 * s.size;
+  s.best = HUGE_VAL;
+  s.best_normal = guess;
+  add_seeds(&s);
+  out->lower_bound = expand(&s, &out->iterations);
+  out->depth = s.best;
+  out->normal = s.best_normal;
+  out->on_a = find_on_a(&s);
+  return isfinite(s.best);
+}
+
+typedef struct sweep {
+  const gv_cso *cso;
+  gv_epa_result *out;
+} sweep;
+
+static void try_direction(sweep *s, gv_vec3 d) {
+  double length = gv_norm(d);
+  if (!(length > 1e-12)) return;
+  gv_vec3 n = gv_scale(d, 1.0 / length);
+  gv_cso_point p = gv_cso_support(s->cso, n);
+  double h = gv_dot(p.w, n);
+  s->out->iterations++;
+  if (!(h < s->out->depth)) return;
+  s->out->depth = h, s->out->normal = n, s->out->on_a = p.a;
+}
+
+static gv_vec3 turn(const gv_core *core, gv_vec3 v) { return core->in_place ? v : gv_mat3_mul(&core->R, v); }
+
+// Directions of the core's edges, at most `max`.
+static int list_edges(const gv_core *core, int max, gv_vec3 *out_edge) {
+  int count = 0;
+  if (core->kind != GV_CORE_HULL) {
+    int axes = core->kind == GV_CORE_BOX ? 3 : 1;
+    for (; count < axes && count < max; count++) out_edge[count] = core->axis[count];
+    return count;
+  }
+  const gv_hull *hull = core->hull;
+  for (int v = 0; v < hull->vertex_count; v++)
+    for (int k = hull->neighbor_start[v]; k < hull->neighbor_start[v + 1] && count < max; k++)
+      if (hull->neighbor[k] > v) out_edge[count++] = turn(core, gv_sub(hull->vertex[hull->neighbor[k]], hull->vertex[v]));
+  return count;
+}
+
+static void try_faces(sweep *s, const gv_core *core, double sign) {
+  if (core->kind == GV_CORE_HULL) {
+    int step = 1 + core->hull->face_count / SWEEP_FACES;
+    for (int f = 0; f < core->hull->face_count; f += step) try_direction(s, gv_scale(turn(core, core->hull->face_normal[f]), sign));
+    return;
+  }
+  for (int k = 0; k < 3; k++) {
+    gv_vec3 side = gv_cross(core->axis[(k + 1) % 3], core->axis[(k + 2) % 3]);
+    gv_vec3 n = gv_norm(side) > 0 ? gv_normalize_or(side, side) : gv_any_perpendicular(gv_normalize_or(core->axis[k], gv_v3(0, 0, 1)));
+    try_direction(s, n);
+    try_direction(s, gv_neg(n));
+  }
+}
+
+void gv_epa_sweep_faces(const gv_cso *cso, gv_vec3 guess, gv_epa_result *out) {
+  sweep s = {cso, out};
+  gv_vec3 edge_a[SWEEP_EDGES], edge_b[SWEEP_EDGES];
+  *out = (gv_epa_result){.depth = HUGE_VAL, .normal = guess, .lower_bound = -HUGE_VAL};
+  try_direction(&s, guess);
+  try_faces(&s, &cso->b, 1);
+  try_faces(&s, &cso->a, -1);
+  int na = list_edges(&cso->a, SWEEP_EDGES, edge_a), nb = list_edges(&cso->b, SWEEP_EDGES, edge_b);
+  if (na * nb > 4 * SWEEP_EDGES) nb = 4 * SWEEP_EDGES / na;
+  for (int i = 0; i < na; i++) {
+    for (int k = 0; k < nb; k++) {
+      gv_vec3 n = gv_cross(gv_normalize_or(edge_a[i], gv_v3(0, 0, 0)), gv_normalize_or(edge_b[k], gv_v3(0, 0, 0)));
+      try_direction(&s, n);
+      try_direction(&s, gv_neg(n));
+    }
+  }
+}

@@ -1,0 +1,332 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// Convex hulls and their mass properties. A polytope grows point by point (polytope.c); then triangles
+// that lie in one plane become one polygon, and corners that no longer turn are left out, so that a box
+// has six faces and a manifold finds the whole side that another shape rests on.
+// Set-up only: about 330 kB of stack, 10 ms for 1000 points. Volume integrals: signed tetrahedra from a
+// point inside to the triangles of each face.
+#include "gloved/shape.h"
+
+#include "polytope.h"
+
+enum { POINTS = GV_MAX_HULL_VERTICES, TRIANGLES = 2 * POINTS, NONE = 0xffff };
+
+// Relative to the points' extent: nearer than this to a face is on it, and this far off a plane is in it.
+static const double on_face = 1e-10, in_plane = 1e-9;
+
+typedef struct builder {
+  gv_vec3 point[POINTS];
+  gv_polytope_face face[TRIANGLES + 2];
+  gv_polytope_edge edge[TRIANGLES + 4];
+  uint16_t seen[TRIANGLES + 4], link[POINTS];
+  uint16_t polygon_of[TRIANGLES + 2]; // of each triangle
+  uint16_t next[POINTS];              // around the polygon at hand
+  uint16_t polygons_at[POINTS];       // how many polygons meet at the point
+  uint16_t vertex_of[POINTS];         // number in the hull, or NONE
+  uint16_t corner[3 * TRIANGLES];     // of all polygons, before straight corners are left out
+  uint16_t start[TRIANGLES + 1];
+  gv_polytope polytope;
+  double size;
+  int count, polygons;
+} builder;
+
+const char *gv_hull_error(int error) {
+  switch (error) {
+    case 0: return "no error";
+    case GV_HULL_FEW: return "fewer than 4 points";
+    case GV_HULL_FLAT: return "no volume: all points lie in one plane";
+    case GV_HULL_NOT_FINITE: return "a coordinate is not a finite number";
+    case GV_HULL_VERTICES: return "more than GV_MAX_HULL_VERTICES points: thin them out or split the piece";
+    case GV_HULL_FACES: return "more than GV_MAX_HULL_FACES faces: thin the points out or split the piece";
+    case GV_HULL_POLYGON: return "a face with more than GV_MAX_FACE_VERTICES corners: thin its outline out";
+    case GV_HULL_MEMORY: return "the arena is full";
+    case GV_HULL_DEGENERATE: return "points too close to one plane to tell faces apart: move them apart or merge them";
+    default: return "unknown error";
+  }
+}
+
+static int take_points(builder *b, const gv_vec3 *points, int count) {
+  if (count < 4) return GV_HULL_FEW;
+  if (count > POINTS) return GV_HULL_VERTICES;
+  gv_vec3 low = points[0], high = points[0];
+  for (int i = 0; i < count; i++) {
+    if (!gv_v3_finite(points[i])) return GV_HULL_NOT_FINITE;
+    low = gv_v3(fmin(low.x, points[i].x), fmin(low.y, points[i].y), fmin(low.z, points[i].z));
+    high = gv_v3(fmax(high.x, points[i].x), fmax(high.y, points[i].y), fmax(high.z, points[i].z));
+    b->point[i] = points[i];
+  }
+  b->count = count;
+  b->size = gv_norm(gv_sub(high, low));
+  return isfinite(b->size) ? 0 : GV_HULL_NOT_FINITE;
+}
+
+// Far points first would need a list per face; any order gives the same surface.
+static int grow(builder *b) {
+  gv_polytope *P = &b->polytope;
+  uint16_t pick[4];
+  *P = (gv_polytope){.point = b->point, .face = b->face, .edge = b->edge, .seen = b->seen, .link = b->link,
+                     .face_max = TRIANGLES + 2, .free_head = -1, .tolerance = on_face * b->size};
+  if (!gv_polytope_pick_tetrahedron(b->point, b->count, 1e-6 * b->size, pick)) return GV_HULL_FLAT;
+  if (!gv_polytope_start(P, pick)) return GV_HULL_FLAT;
+  for (int i = 0; i < b->count; i++) {
+    int seed = gv_polytope_most_visible(P, b->point[i]);
+    if (seed >= 0 && !gv_polytope_add(P, (uint16_t)i, seed)) return GV_HULL_DEGENERATE;
+  }
+  return 0;
+}
+
+static double twice_area(const builder *b, const gv_polytope_face *F) {
+  gv_vec3 a = b->point[F->vertex[0]];
+  return gv_norm(gv_cross(gv_sub(b->point[F->vertex[1]], a), gv_sub(b->point[F->vertex[2]], a)));
+}
+
+static int largest_unmerged(const builder *b) {
+  int best = -1;
+  double largest = -1;
+  for (int f = 0; f < b->polytope.face_count; f++) {
+    if (!gv_polytope_alive(&b->polytope, f) || b->polygon_of[f] != NONE) continue;
+    double area = twice_area(b, &b->face[f]);
+    if (area > largest) largest = area, best = f;
+  }
+  return best;
+}
+
+static bool lies_in_plane(const builder *b, const gv_polytope_face *F, const gv_polytope_face *plane) {
+  if (gv_dot(F->normal, plane->normal) < 0) return false;
+  for (int k = 0; k < 3; k++)
+    if (fabs(gv_dot(plane->normal, b->point[F->vertex[k]]) - plane->offset) > in_plane * b->size) return false;
+  return true;
+}
+
+// Gather the triangles around `seed` in its plane into the polygon number `polygon`.
+static void spread(builder *b, int seed, uint16_t polygon) {
+  int count = 0;
+  b->seen[count++] = (uint16_t)seed;
+  b->polygon_of[seed] = polygon;
+  for (int next = 0; next < count; next++) {
+    for (int k = 0; k < 3; k++) {
+      uint16_t g = b->face[b->seen[next]].adjacent[k];
+      if (b->polygon_of[g] != NONE || !lies_in_plane(b, &b->face[g], &b->face[seed])) continue;
+      b->polygon_of[g] = polygon;
+      b->seen[count++] = g;
+    }
+  }
+  b->seen[count] = NONE;
+}
+
+// The outline of the triangles in b->seen, one loop, into b->corner from `at` on. Returns its length, or 0.
+static int trace_outline(builder *b, uint16_t polygon, int at) {
+  int edges = 0, length = 0;
+  uint16_t first = NONE;
+  for (int i = 0; i < b->count; i++) b->next[i] = NONE;
+  for (int i = 0; b->seen[i] != NONE; i++) {
+    const gv_polytope_face *F = &b->face[b->seen[i]];
+    for (int k = 0; k < 3; k++) {
+      if (b->polygon_of[F->adjacent[k]] == polygon) continue;
+      if (b->next[F->vertex[k]] != NONE) return 0;
+      first = F->vertex[k];
+      b->next[first] = F->vertex[(k + 1) % 3];
+      edges++;
+    }
+  }
+  for (uint16_t v = first; v != NONE && length < edges; length++) {
+    b->corner[at + length] = v;
+    b->polygons_at[v]++;
+    v = b->next[v];
+    if (v == first) return length + 1 == edges ? edges : 0;
+  }
+  return 0;
+}
+
+static int merge(builder *b) {
+  int at = 0;
+  for (int f = 0; f < TRIANGLES + 2; f++) b->polygon_of[f] = NONE;
+  for (int i = 0; i < b->count; i++) b->polygons_at[i] = 0;
+  b->polygons = 0;
+  for (int seed = largest_unmerged(b); seed >= 0; seed = largest_unmerged(b)) {
+    if (b->polygons == GV_MAX_HULL_FACES) return GV_HULL_FACES;
+    b->start[b->polygons] = (uint16_t)at;
+    spread(b, seed, (uint16_t)b->polygons);
+    int length = trace_outline(b, (uint16_t)b->polygons, at);
+    if (length == 0) return GV_HULL_DEGENERATE;
+    at += length;
+    b->polygons++;
+  }
+  b->start[b->polygons] = (uint16_t)at;
+  return 0;
+}
+
+// Number the vertices that stay and leave the others (where fewer than three polygons meet, the outline
+// goes straight on) out of the polygons. Returns the number of vertices.
+static int drop_straight_corners(builder *b) {
+  int vertices = 0, to = 0, from = 0;
+  for (int i = 0; i < b->count; i++) b->vertex_of[i] = b->polygons_at[i] >= 3 ? (uint16_t)vertices++ : NONE;
+  for (int f = 0; f < b->polygons; f++) {
+    int end = b->start[f + 1];
+    b->start[f] = (uint16_t)to;
+    for (; from < end; from++)
+      if (b->vertex_of[b->corner[from]] != NONE) b->corner[to++] = b->vertex_of[b->corner[from]];
+  }
+  b->start[b->polygons] = (uint16_t)to;
+  return vertices;
+}
+
+static int check_polygons(const builder *b, int vertices) {
+  int corners = b->start[b->polygons];
+  for (int f = 0; f < b->polygons; f++) {
+    int sides = b->start[f + 1] - b->start[f];
+    if (sides < 3) return GV_HULL_DEGENERATE;
+    if (sides > GV_MAX_FACE_VERTICES) return GV_HULL_POLYGON;
+  }
+  return vertices - corners / 2 + b->polygons == 2 && corners % 2 == 0 ? 0 : GV_HULL_DEGENERATE;  // Euler
+}
+
+typedef struct arrays {
+  gv_vec3 *vertex, *face_normal;
+  double *face_offset;
+  uint16_t *face_start, *face_vertex, *neighbor_start, *neighbor, *neighbor_face;
+} arrays;
+
+// One block for all arrays: doubles first, then the indices.
+static int reserve(gv_arena *arena, int vertices, int faces, int corners, arrays *out) {
+  size_t v = (size_t)vertices, f = (size_t)faces, c = (size_t)corners;
+  size_t doubles = 3 * v + 4 * f, indices = (f + 1) + c + (v + 1) + c + c;
+  uint8_t *mem = gv_arena_alloc(arena, "hull", doubles * sizeof(double) + indices * sizeof(uint16_t));
+  if (!mem) return GV_HULL_MEMORY;
+  out->vertex = (gv_vec3 *)(void *)mem;
+  out->face_normal = out->vertex + v;
+  out->face_offset = (double *)(void *)(out->face_normal + f);
+  out->face_start = (uint16_t *)(void *)(out->face_offset + f);
+  out->face_vertex = out->face_start + f + 1;
+  out->neighbor_start = out->face_vertex + c;
+  out->neighbor = out->neighbor_start + v + 1;
+  out->neighbor_face = out->neighbor + c;
+  return 0;
+}
+
+// Plane through a polygon: the sum of its triangles' area vectors, and the mean height of its corners.
+static void fit_plane(const arrays *m, int f) {
+  const uint16_t *c = &m->face_vertex[m->face_start[f]];
+  int sides = m->face_start[f + 1] - m->face_start[f];
+  gv_vec3 area = gv_v3(0, 0, 0);
+  for (int k = 1; k + 1 < sides; k++)
+    area = gv_add(area, gv_cross(gv_sub(m->vertex[c[k]], m->vertex[c[0]]), gv_sub(m->vertex[c[k + 1]], m->vertex[c[0]])));
+  m->face_normal[f] = gv_normalize_or(area, gv_v3(0, 0, 1));
+  double offset = 0;
+  for (int k = 0; k < sides; k++) offset += gv_dot(m->face_normal[f], m->vertex[c[k]]);
+  m->face_offset[f] = offset / sides;
+}
+
+// Each polygon edge i -> j makes j a neighbour of i, with the polygon to its left.
+static void link_neighbors(const arrays *m, int vertices, int faces) {
+  for (int i = 0; i <= vertices; i++) m->neighbor_start[i] = 0;
+  for (int k = 0; k < m->face_start[faces]; k++) m->neighbor_start[m->face_vertex[k] + 1]++;
+  for (int i = 0; i < vertices; i++) m->neighbor_start[i + 1] = (uint16_t)(m->neighbor_start[i + 1] + m->neighbor_start[i]);
+  for (int f = faces - 1; f >= 0; f--) {
+    int first = m->face_start[f], end = m->face_start[f + 1];
+    for (int k = first; k < end; k++) {
+      uint16_t i = m->face_vertex[k], j = m->face_vertex[k + 1 < end ? k + 1 : first];
+      uint16_t at = m->neighbor_start[i]++;  // becomes the end of i's list, that is, the start of the next
+      m->neighbor[at] = j;
+      m->neighbor_face[at] = (uint16_t)f;
+    }
+  }
+  for (int i = vertices; i > 0; i--) m->neighbor_start[i] = m->neighbor_start[i - 1];
+  m->neighbor_start[0] = 0;
+}
+
+static void measure(gv_hull *hull) {
+  gv_vec3 sum = gv_v3(0, 0, 0), low = hull->vertex[0], high = low;
+  for (int i = 0; i < hull->vertex_count; i++) {
+    gv_vec3 p = hull->vertex[i];
+    sum = gv_add(sum, p);
+    low = gv_v3(fmin(low.x, p.x), fmin(low.y, p.y), fmin(low.z, p.z));
+    high = gv_v3(fmax(high.x, p.x), fmax(high.y, p.y), fmax(high.z, p.z));
+  }
+  hull->center = gv_scale(sum, 1.0 / hull->vertex_count);
+  hull->aabb_min = low;
+  hull->aabb_max = high;
+}
+
+static int write_hull(const builder *b, int vertices, gv_arena *arena, gv_hull *out) {
+  arrays m;
+  int corners = b->start[b->polygons], error = reserve(arena, vertices, b->polygons, corners, &m);
+  if (error) return error;
+  for (int i = 0; i < b->count; i++)
+    if (b->vertex_of[i] != NONE) m.vertex[b->vertex_of[i]] = b->point[i];
+  for (int f = 0; f <= b->polygons; f++) m.face_start[f] = b->start[f];
+  for (int k = 0; k < corners; k++) m.face_vertex[k] = b->corner[k];
+  for (int f = 0; f < b->polygons; f++) fit_plane(&m, f);
+  link_neighbors(&m, vertices, b->polygons);
+  *out = (gv_hull){.vertex_count = vertices, .face_count = b->polygons, .vertex = m.vertex, .face_normal = m.face_normal,
+                   .face_offset = m.face_offset, .face_start = m.face_start, .face_vertex = m.face_vertex,
+                   .neighbor_start = m.neighbor_start, .neighbor = m.neighbor, .neighbor_face = m.neighbor_face};
+  measure(out);
+  return 0;
+}
+
+int gv_hull_build(gv_arena *arena, const gv_vec3 *points, int count, gv_hull *out_hull) {
+  builder b;
+  int error = take_points(&b, points, count);
+  if (!error) error = grow(&b);
+  if (!error) error = merge(&b);
+  if (error) return error;
+  int vertices = drop_straight_corners(&b);
+  error = check_polygons(&b, vertices);
+  return error ? error : write_hull(&b, vertices, arena, out_hull);
+}
+
+// Adds density 1 times the integrals over the tetrahedron (0, a, b, c): volume, first and second moments.
+static void add_tetrahedron(gv_vec3 a, gv_vec3 b, gv_vec3 c, double *volume, gv_vec3 *first, double second[3][3]) {
+  double v = gv_dot(a, gv_cross(b, c)) / 6.0;
+  gv_vec3 sum = gv_add(gv_add(a, b), c);
+  const double p[4][3] = {{a.x, a.y, a.z}, {b.x, b.y, b.z}, {c.x, c.y, c.z}, {sum.x, sum.y, sum.z}};
+  *volume += v;
+  *first = gv_mad(*first, v / 4.0, sum);
+  for (int i = 0; i < 3; i++)
+    for (int k = 0; k < 3; k++)  // integral of x_i x_k = v / 20 (sum over corners + (sum)(sum))
+      second[i][k] += v / 20.0 * (p[0][i] * p[0][k] + p[1][i] * p[1][k] + p[2][i] * p[2][k] + p[3][i] * p[3][k]);
+}
+
+// Inertia m^2 about a point from the second moments about it: trace(S) 1 - S.
+static gv_mat3 inertia_from(double s[3][3]) {
+  double trace = s[0][0] + s[1][1] + s[2][2];
+  gv_mat3 m;
+  for (int i = 0; i < 3; i++)
+    for (int k = 0; k < 3; k++) m.m[i][k] = (i == k ? trace : 0.0) - s[i][k];
+  return m;
+}
+
+gv_mass_properties gv_hull_mass_properties(const gv_hull *hull) {
+  double volume = 0, second[3][3] = {{0}};
+  gv_vec3 first = gv_v3(0, 0, 0), o = hull->center;
+  for (int f = 0; f < hull->face_count; f++) {
+    const uint16_t *c = &hull->face_vertex[hull->face_start[f]];
+    int sides = hull->face_start[f + 1] - hull->face_start[f];
+    for (int k = 1; k + 1 < sides; k++)
+      add_tetrahedron(gv_sub(hull->vertex[c[0]], o), gv_sub(hull->vertex[c[k]], o), gv_sub(hull->vertex[c[k + 1]], o),
+                      &volume, &first, second);
+  }
+  gv_vec3 r = gv_scale(first, 1.0 / volume);
+  const double d[3] = {r.x, r.y, r.z};
+  for (int i = 0; i < 3; i++)
+    for (int k = 0; k < 3; k++) second[i][k] = second[i][k] / volume - d[i] * d[k];
+  return (gv_mass_properties){volume, gv_add(o, r), inertia_from(second)};
+}
+
+gv_mass_properties gv_mass_properties_sum(const gv_mass_properties *parts, int count) {
+  gv_mass_properties sum = {0, {0, 0, 0}, {{{0}}}};
+  for (int i = 0; i < count; i++) {
+    sum.volume += parts[i].volume;
+    sum.center = gv_mad(sum.center, parts[i].volume, parts[i].center);
+  }
+  if (!(sum.volume > 0)) return sum;
+  sum.center = gv_scale(sum.center, 1.0 / sum.volume);
+  for (int i = 0; i < count; i++) {
+    gv_vec3 r = gv_sub(parts[i].center, sum.center);
+    const double d[3] = {r.x, r.y, r.z}, share = parts[i].volume / sum.volume;
+    for (int j = 0; j < 3; j++)  // parallel axes
+      for (int k = 0; k < 3; k++)
+        sum.inertia.m[j][k] += share * (parts[i].inertia.m[j][k] + (j == k ? gv_norm2(r) : 0.0) - d[j] * d[k]);
+  }
+  return sum;
+}

@@ -1,0 +1,87 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// Support functions and bounds of the shapes: h_S(d), the farthest point of a shape along a direction,
+// which is all that the narrow phase knows of a shape (Eqn 5 to 7 of the paper). A large hull is
+// climbed along its edges from the last answer, a small one is scanned. Pure; any thread.
+#include "cso.h"
+
+enum { SCAN_UP_TO = 16 };  // vertices: below, a scan is faster than climbing
+
+static int scan_hull(const gv_hull *hull, gv_vec3 d) {
+  int best = 0;
+  double high = gv_dot(hull->vertex[0], d);
+  for (int i = 1; i < hull->vertex_count; i++) {
+    double height = gv_dot(hull->vertex[i], d);
+    if (height > high) high = height, best = i;
+  }
+  return best;
+}
+
+// A vertex none of whose neighbours is higher is a highest one: the edges of a convex polyhedron span
+// its cone. Each move is strictly upwards, so no vertex comes twice and the loop ends.
+static int climb_hull(const gv_hull *hull, gv_vec3 d, int start) {
+  int here = start, last = -1;
+  double high = gv_dot(hull->vertex[here], d);
+  while (here != last) {
+    last = here;
+    for (int k = hull->neighbor_start[last]; k < hull->neighbor_start[last + 1]; k++) {
+      double height = gv_dot(hull->vertex[hull->neighbor[k]], d);
+      if (height > high) high = height, here = hull->neighbor[k];
+    }
+  }
+  return here;
+}
+
+int gv_hull_support(const gv_hull *hull, gv_vec3 d, int start) {
+  if (hull->vertex_count <= SCAN_UP_TO) return scan_hull(hull, d);
+  return climb_hull(hull, d, start < hull->vertex_count ? start : 0);
+}
+
+static gv_vec3 column(const gv_mat3 *R, int k) { return gv_v3(R->m[0][k], R->m[1][k], R->m[2][k]); }
+
+gv_core gv_core_place(const gv_shape *shape, gv_pose T_b_shape, bool in_place) {
+  gv_core core = {.kind = shape->kind, .center = T_b_shape.p, .hull = shape->hull, .in_place = in_place};
+  core.R = gv_mat3_from_quat(T_b_shape.q);
+  core.axis[0] = gv_scale(column(&core.R, 0), shape->half.x);
+  core.axis[1] = gv_scale(column(&core.R, 1), shape->half.y);
+  core.axis[2] = gv_scale(column(&core.R, 2), shape->half.z);
+  return core;
+}
+
+static gv_vec3 step_along(gv_vec3 p, gv_vec3 axis, gv_vec3 d) {
+  return gv_dot(axis, d) >= 0 ? gv_add(p, axis) : gv_sub(p, axis);
+}
+
+gv_vec3 gv_core_support(const gv_core *core, gv_vec3 d, uint16_t *hint) {
+  gv_vec3 p = core->center;
+  switch (core->kind) {
+    case GV_CORE_SEGMENT: return step_along(p, core->axis[0], d);
+    case GV_CORE_BOX: return step_along(step_along(step_along(p, core->axis[0], d), core->axis[1], d), core->axis[2], d);
+    case GV_CORE_HULL: break;
+  }
+  gv_vec3 d_hull = core->in_place ? d : gv_mat3_mul_t(&core->R, d);
+  *hint = (uint16_t)gv_hull_support(core->hull, d_hull, *hint);
+  gv_vec3 v = core->hull->vertex[*hint];
+  return core->in_place ? v : gv_add(p, gv_mat3_mul(&core->R, v));
+}
+
+gv_vec3 gv_support(const gv_shape *shape, const gv_pose *T_world_shape, gv_vec3 d_world, uint16_t *hint) {
+  uint16_t own_hint = 0;
+  gv_core core = gv_core_place(shape, *T_world_shape, false);
+  gv_vec3 p = gv_core_support(&core, d_world, hint ? hint : &own_hint);
+  return gv_mad(p, shape->radius, gv_normalize_or(d_world, gv_v3(0, 0, 1)));
+}
+
+void gv_shape_aabb(const gv_shape *shape, const gv_pose *T_world_shape, gv_vec3 *out_min, gv_vec3 *out_max) {
+  gv_mat3 R = gv_mat3_from_quat(T_world_shape->q);
+  gv_vec3 center = T_world_shape->p, half = shape->half;
+  if (shape->kind == GV_CORE_HULL) {  // the box around the hull in its own frame, turned
+    center = gv_add(center, gv_mat3_mul(&R, gv_scale(gv_add(shape->hull->aabb_min, shape->hull->aabb_max), 0.5)));
+    half = gv_scale(gv_sub(shape->hull->aabb_max, shape->hull->aabb_min), 0.5);
+  }
+  gv_vec3 reach;
+  reach.x = fabs(R.m[0][0]) * half.x + fabs(R.m[0][1]) * half.y + fabs(R.m[0][2]) * half.z + shape->radius;
+  reach.y = fabs(R.m[1][0]) * half.x + fabs(R.m[1][1]) * half.y + fabs(R.m[1][2]) * half.z + shape->radius;
+  reach.z = fabs(R.m[2][0]) * half.x + fabs(R.m[2][1]) * half.y + fabs(R.m[2][2]) * half.z + shape->radius;
+  *out_min = gv_sub(center, reach);
+  *out_max = gv_add(center, reach);
+}
