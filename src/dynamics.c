@@ -12,8 +12,9 @@
 
 #include "pool.h"
 
-// Measured with 80 bodies and 128 contacts (384 rows): Dantzig 3.4 MB, set-up and joints 0.2 MB.
-enum { STEP_BYTES = 6 << 20, POOL_BYTES = 1 << 20 };
+// ODE keeps two step blocks, one for the islands and one for the solver. Dantzig with 128 contacts (384 rows)
+// asks for about 3 MB; set-up and joints take 0.2 MB of the pool.
+enum { STEP_BLOCKS = 2, STEP_BYTES = 5 << 20, POOL_BYTES = 1 << 20 };
 
 struct gv_dynamics {
   dWorldID world;
@@ -29,9 +30,10 @@ struct gv_dynamics {
   const gv_config *cfg;
   dJointFeedback feedback[GV_MAX_CONTACTS];
   pool memory;
-  uint8_t *step_block;
+  uint8_t *step_block[STEP_BLOCKS];
+  bool step_block_taken[STEP_BLOCKS];
   unsigned solver_errors;
-  bool step_block_taken;
+  unsigned failed_steps;             // ODE found no memory: bodies stood still
 };
 
 // ODE keeps its handlers in globals, so one world at a time.
@@ -46,12 +48,20 @@ static void *ode_realloc(void *at, dsizeint old_size, dsizeint size) {
   return fresh;
 }
 static void *step_alloc(dsizeint size) {
-  if (the_world->step_block_taken || size > STEP_BYTES) return NULL;
-  the_world->step_block_taken = true;
-  return the_world->step_block;
+  if (size > STEP_BYTES) return NULL;
+  for (int i = 0; i < STEP_BLOCKS; i++)
+    if (!the_world->step_block_taken[i]) {
+      the_world->step_block_taken[i] = true;
+      return the_world->step_block[i];
+    }
+  return NULL;
 }
 static void *step_shrink(void *at, dsizeint size, dsizeint smaller) { (void)size; (void)smaller; return at; }
-static void step_free(void *at, dsizeint size) { (void)at; (void)size; the_world->step_block_taken = false; }
+static void step_free(void *at, dsizeint size) {
+  (void)size;
+  for (int i = 0; i < STEP_BLOCKS; i++)
+    if (at == the_world->step_block[i]) the_world->step_block_taken[i] = false;
+}
 static void count_message(int number, const char *text, va_list args) {
   (void)number; (void)text; (void)args;
   if (the_world) the_world->solver_errors++;
@@ -133,11 +143,11 @@ gv_dynamics *gv_dynamics_create(gv_arena *arena, const gv_config *cfg, const gv_
                                 const gv_spring spring[GV_LIMBS], const double limb_inertia[GV_LIMBS]) {
   gv_dynamics *dyn = gv_arena_alloc(arena, "dynamics", sizeof *dyn);
   void *pool_block = gv_arena_alloc(arena, "ode pool", POOL_BYTES);
-  void *step_block = gv_arena_alloc(arena, "ode step", STEP_BYTES);
+  void *step_block = gv_arena_alloc(arena, "ode step", STEP_BLOCKS * STEP_BYTES);
   if (!dyn || !pool_block || !step_block || the_world) return NULL;
   the_world = dyn;
   dyn->cfg = cfg;
-  dyn->step_block = step_block;
+  for (int i = 0; i < STEP_BLOCKS; i++) dyn->step_block[i] = (uint8_t *)step_block + i * STEP_BYTES;
   dyn->body_count = GV_LIMBS + scene->object_count;
   pool_init(&dyn->memory, pool_block, POOL_BYTES);
   dSetAllocHandler(ode_alloc);
@@ -256,8 +266,8 @@ bool gv_dynamics_step(gv_dynamics *dyn, const gv_dynamics_contact *contact, int 
   const gv_config *cfg = dyn->cfg;
   bool quick = cfg->solver == GV_SOLVER_QUICK || (cfg->solver == GV_SOLVER_AUTO && count > cfg->dantzig_contacts);
   dRandSetSeed(1);  // QuickStep shuffles its rows: the same way in every replay
-  if (quick) dWorldQuickStep(dyn->world, cfg->step_s);
-  else dWorldStep(dyn->world, cfg->step_s);
+  int done = quick ? dWorldQuickStep(dyn->world, cfg->step_s) : dWorldStep(dyn->world, cfg->step_s);
+  if (!done) dyn->failed_steps++;
   dJointGroupEmpty(dyn->contacts);
   for (int i = 0; i < count; i++) force_on_a[i] = from_ode(dyn->feedback[i].f1);
   for (int i = 0; i < dyn->body_count; i++)
@@ -286,10 +296,10 @@ void gv_dynamics_warm_up(gv_dynamics *dyn) {
   gv_dynamics_step(dyn, contact, GV_MAX_CONTACTS, unused);
   dyn->cfg = own;
   for (int i = 0; i < dyn->body_count; i++) gv_dynamics_set_state(dyn, i, &kept[i]);
-  dyn->solver_errors = 0;
+  dyn->solver_errors = 0;  // the warm-up's contacts make no sense to a solver
 }
 
-unsigned gv_dynamics_solver_errors(const gv_dynamics *dyn) { return dyn->solver_errors; }
+unsigned gv_dynamics_solver_errors(const gv_dynamics *dyn) { return dyn->solver_errors + dyn->failed_steps; }
 
 double gv_dynamics_object_energy(const gv_dynamics *dyn) {
   double sum = 0.0;
