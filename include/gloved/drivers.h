@@ -54,4 +54,10 @@ int gv_trace_open(const char *path, gv_driver *out, char *err, size_t err_size);
 // Stamp of the last frame (the recording's length).
 int64_t gv_trace_length_ns(const gv_driver *trace);
 
+// ---- simulated device -----------------------------------------------------------------------------
+// "sim:[SCRIPT][?device=best|real&seed=N&NAME=VALUE...]": the model of sim.h in the process. SCRIPT defaults to
+// data/scripts/power_box.user, NAME is a member of gv_sim_device. Its time starts at 0 with the first poll,
+// the script with it. On error returns negative and writes one line (what, what to do) to err.
+int gv_sim_open(const char *url, gv_driver *out, char *err, size_t err_size);
+
 #endif

@@ -1,0 +1,13 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// Shared by the files of the simulated device: its step and its force side.
+#ifndef DRIVERS_SIM_H
+#define DRIVERS_SIM_H
+
+#include "gloved/sim.h"
+
+enum { SIM_STEP_NS = 1000000 };  // the device's own cycle
+
+// One step of the force side at sim->now_ns: the watchdog, the tension, and the fingers that it pulls.
+void sim_force_step(gv_sim *sim);
+
+#endif
