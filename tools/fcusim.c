@@ -1,0 +1,224 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// fcusim: the simulated force control unit on the other end of a UDP wire (cannelloni v2), in real time.
+//
+//   fcusim --udp udp://HOST:PORT?listen=PORT [--script FILE] [--device best|real|NAME=VALUE] [--seed N]
+//          [--wait S] [--duration S] [--record FILE] [--report FILE.json]
+//
+// It sends at once, the user holding still, and starts the script with the first FORCE_COMMAND or after
+// --wait seconds, so that neither side has to be started first. --record writes every frame, sent and
+// received, as candump -L text. Ends with the script (or --duration). Exit code: 0 done, 1 a command broke a
+// limit (maximum, slew, checksum), 2 bad usage or input. One thread: sleep to the next millisecond, receive,
+// step, send. The simulated world takes one step a period: where the host stalls, it stalls with it.
+#include "gloved/drivers.h"
+#include "gloved/sim.h"
+
+#include <errno.h>
+#include <signal.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <time.h>
+
+enum { PERIOD_NS = 1000000, BUNDLE = 16 };  // 16 frames fit one datagram
+
+typedef struct options {
+  const char *udp, *script, *record, *report;
+  double wait_s, duration_s; // duration 0: the script's
+  uint64_t seed;             // 0: the script's
+} options;
+
+typedef struct session {
+  gv_sim sim;
+  gv_sim_script script;
+  gv_driver link;
+  FILE *record;
+  uint64_t stalls;           // periods left out
+} session;
+
+static session all;          // static: no heap, zeroed
+static volatile sig_atomic_t interrupted;
+static void on_signal(int number) { (void)number; interrupted = 1; }
+
+static int usage(const char *what, const char *which) {
+  fprintf(stderr, "fcusim: %s%s; usage: fcusim --udp udp://HOST:PORT?listen=PORT [--script FILE] [--device best|real|NAME=VALUE] "
+          "[--seed N] [--wait S] [--duration S] [--record FILE] [--report FILE.json]\n", what, which);
+  return 2;
+}
+
+static int set_device(gv_sim_device *device, const char *value) {
+  char text[128], why[256];
+  if (strcmp(value, "best") == 0) { *device = gv_sim_device_best(); return 0; }
+  if (strcmp(value, "real") == 0) { *device = gv_sim_device_real(); return 0; }
+  snprintf(text, sizeof text, "%s", value);
+  char *equals = strchr(text, '=');
+  if (!equals) return usage("--device wants best, real or NAME=VALUE, not ", value);
+  *equals = '\0';
+  if (gv_sim_device_set(device, text, equals + 1, why, sizeof why) == 0) return 0;
+  fprintf(stderr, "fcusim: --device %s: %s\n", value, why);
+  return 2;
+}
+
+static int read_number(const char *option, const char *value, double min, double max, double *out) {
+  char *end;
+  *out = strtod(value, &end);
+  if (end != value && !*end && *out >= min && *out <= max) return 0;
+  fprintf(stderr, "fcusim: %s is \"%s\"; give a number from %g to %g\n", option, value, min, max);
+  return 2;
+}
+
+// The script first, so that --device changes what it says, whatever their order.
+static int load_script(int argc, char **argv, options *o) {
+  for (int i = 1; i + 1 < argc; i += 2)
+    if (strcmp(argv[i], "--script") == 0) o->script = argv[i + 1];
+  char err[512];
+  if (gv_sim_script_load(o->script, &all.script, err, sizeof err) == 0) return 0;
+  fprintf(stderr, "fcusim: %s\n", err);
+  return 2;
+}
+
+static int read_option(const char *name, const char *value, options *o) {
+  double number = 0;
+  int error = 0;
+  if (strcmp(name, "--udp") == 0) o->udp = value;
+  else if (strcmp(name, "--script") == 0) o->script = value;
+  else if (strcmp(name, "--record") == 0) o->record = value;
+  else if (strcmp(name, "--report") == 0) o->report = value;
+  else if (strcmp(name, "--device") == 0) error = set_device(&all.script.device, value);
+  else if (strcmp(name, "--wait") == 0) error = read_number(name, value, 0, 3600, &o->wait_s);
+  else if (strcmp(name, "--duration") == 0) error = read_number(name, value, 0.001, 86400, &o->duration_s);
+  else if (strcmp(name, "--seed") == 0) {
+    error = read_number(name, value, 1, 4294967295.0, &number);
+    o->seed = (uint64_t)number;
+  } else error = usage("unknown option ", name);
+  return error;
+}
+
+static int read_options(int argc, char **argv, options *o) {
+  *o = (options){.script = "data/scripts/power_box.user", .wait_s = 10};
+  int error = load_script(argc, argv, o);
+  for (int i = 1; i < argc && !error; i += 2)
+    error = i + 1 < argc ? read_option(argv[i], argv[i + 1], o) : usage("no value for ", argv[i]);
+  if (error) return error;
+  if (!o->udp) return usage("--udp is missing", "");
+  char why[128];
+  if (gv_sim_device_check(&all.script.device, why, sizeof why)) return usage("--device: ", why);
+  return 0;
+}
+
+static void record(const gv_frame *frame, int count) {
+  char line[GV_LOG_LINE_MAX + 1];
+  for (int i = 0; all.record && i < count; i++)
+    fwrite(line, 1, (size_t)gv_log_format(&frame[i], "can0", line), all.record);
+}
+
+static int64_t clock_ns(void) {
+  struct timespec t;
+  clock_gettime(CLOCK_MONOTONIC, &t);
+  return (int64_t)t.tv_sec * 1000000000 + t.tv_nsec;
+}
+
+static void sleep_until(int64_t ns) {
+  struct timespec t = {.tv_sec = ns / 1000000000, .tv_nsec = ns % 1000000000};
+  while (clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &t, NULL) == EINTR && !interrupted) {}
+}
+
+static void receive(int64_t device_ns) {
+  gv_frame frame[BUNDLE];
+  int n;
+  while ((n = all.link.poll(all.link.self, INT64_MAX, frame, BUNDLE)) > 0) {
+    for (int i = 0; i < n; i++) {
+      gv_sim_receive(&all.sim, &frame[i]);
+      frame[i].stamp_ns = device_ns;
+    }
+    record(frame, n);
+  }
+}
+
+static void start_script(const options *o, int64_t device_ns) {
+  bool commanded = gv_sim_report_of(&all.sim)->commands > 0;
+  if (gv_sim_started(&all.sim) || (!commanded && (double)device_ns < o->wait_s * 1e9)) return;
+  gv_sim_start(&all.sim);
+  if (commanded) printf("fcusim: the engine speaks; the script starts\n");
+  else printf("fcusim: no command in %g s; the script starts all the same\n", o->wait_s);
+  fflush(stdout);
+}
+
+static void run(const options *o) {
+  int64_t next_ns = clock_ns(), device_ns = 0, end_ns = o->duration_s > 0 ? (int64_t)(o->duration_s * 1e9) : INT64_MAX;
+  while (!interrupted && device_ns < end_ns && !gv_sim_ended(&all.sim)) {
+    gv_frame frame[BUNDLE];
+    receive(device_ns);
+    start_script(o, device_ns);
+    int n;
+    while ((n = gv_sim_advance(&all.sim, device_ns, frame, BUNDLE)) > 0) {
+      all.link.send(all.link.self, frame, n);
+      record(frame, n);
+    }
+    device_ns += PERIOD_NS;
+    next_ns += PERIOD_NS;
+    int64_t late_ns = clock_ns() - next_ns;
+    if (late_ns > 0) {
+      all.stalls += (uint64_t)(late_ns / PERIOD_NS);
+      next_ns += late_ns / PERIOD_NS * PERIOD_NS;
+    }
+    sleep_until(next_ns);
+  }
+}
+
+static bool limits_broken(const gv_sim_report *r) { return r->refused_frames || r->over_max || r->over_slew; }
+
+static void print_summary(const gv_sim_report *r, const gv_driver_stats *link) {
+  printf("fcusim: sent %llu frames (%llu lost and %llu late by script), %llu commands taken, %llu missing, %llu repeated; "
+         "refused: %llu broken, %llu above the maximum, %llu too fast; bad datagrams %llu\n",
+         (unsigned long long)r->sent, (unsigned long long)r->lost, (unsigned long long)r->late, (unsigned long long)r->commands,
+         (unsigned long long)r->counter_gaps, (unsigned long long)r->repeated, (unsigned long long)r->refused_frames,
+         (unsigned long long)r->over_max, (unsigned long long)r->over_slew, (unsigned long long)link->bad);
+  printf("fcusim: largest tensions %.2f %.2f %.2f %.2f %.2f N, fastest rise %.0f N/s, joints held back up to %.1f degrees; "
+         "watchdog let go %llu times, at most %.1f ms after the last command; host stalled for %llu periods\n",
+         r->tension_max_n[0], r->tension_max_n[1], r->tension_max_n[2], r->tension_max_n[3], r->tension_max_n[4],
+         r->slew_max_n_per_s, r->deviation_max_rad * (180.0 / GV_PI), (unsigned long long)r->watchdog_trips,
+         1e3 * r->zero_after_s, (unsigned long long)all.stalls);
+}
+
+static int write_report(const char *path, const gv_sim_report *r, const gv_driver_stats *link) {
+  FILE *file = fopen(path, "w");
+  if (!file) {
+    fprintf(stderr, "fcusim: %s: %s; give a file that can be written\n", path, strerror(errno));
+    return 2;
+  }
+  fprintf(file, "{\"sent\": %llu, \"lost\": %llu, \"late\": %llu, \"commands\": %llu, \"counter_gaps\": %llu, \"repeated\": %llu,\n",
+          (unsigned long long)r->sent, (unsigned long long)r->lost, (unsigned long long)r->late, (unsigned long long)r->commands,
+          (unsigned long long)r->counter_gaps, (unsigned long long)r->repeated);
+  fprintf(file, " \"refused_frames\": %llu, \"over_max\": %llu, \"over_slew\": %llu, \"foreign\": %llu, \"bad_datagrams\": %llu,\n",
+          (unsigned long long)r->refused_frames, (unsigned long long)r->over_max, (unsigned long long)r->over_slew,
+          (unsigned long long)r->foreign, (unsigned long long)link->bad);
+  fprintf(file, " \"tension_max_n\": [%.4f, %.4f, %.4f, %.4f, %.4f], \"slew_max_n_per_s\": %.2f, \"deviation_max_rad\": %.6f,\n",
+          r->tension_max_n[0], r->tension_max_n[1], r->tension_max_n[2], r->tension_max_n[3], r->tension_max_n[4],
+          r->slew_max_n_per_s, r->deviation_max_rad);
+  fprintf(file, " \"watchdog_trips\": %llu, \"zero_after_s\": %.4f, \"stalled_periods\": %llu}\n",
+          (unsigned long long)r->watchdog_trips, r->zero_after_s, (unsigned long long)all.stalls);
+  return fclose(file) == 0 ? 0 : 2;
+}
+
+int main(int argc, char **argv) {
+  options o;
+  char err[512];
+  int error = read_options(argc, argv, &o);
+  if (error) return error;
+  if (gv_udp_open(o.udp, &all.link, err, sizeof err)) { fprintf(stderr, "fcusim: %s\n", err); return 2; }
+  if (o.record && !(all.record = fopen(o.record, "w"))) {
+    fprintf(stderr, "fcusim: %s: %s; give a file that can be written\n", o.record, strerror(errno));
+    return 2;
+  }
+  signal(SIGINT, on_signal);
+  signal(SIGTERM, on_signal);
+  gv_sim_init(&all.sim, &all.script, NULL, o.seed);
+  run(&o);
+  const gv_sim_report *report = gv_sim_report_of(&all.sim);
+  gv_driver_stats link = all.link.stats(all.link.self);
+  print_summary(report, &link);
+  all.link.close(all.link.self);
+  if (all.record && fclose(all.record)) error = usage("the recording could not be written: ", o.record);
+  if (o.report) error = write_report(o.report, report, &link);
+  return error ? error : limits_broken(report) ? 1 : 0;
+}
