@@ -1,18 +1,19 @@
 # gloved: the daemon for force-feedback gloves. `make help` lists the targets.
-# Everything that is built lies under build/.
+# Everything that is built lies under build/. V=1 shows the commands; CC=clang, OPT=-O0 build beside.
 
 ifeq ($(origin CC),default)
 CC      := gcc
 endif
 OPT     ?= -O2
+empty   :=
+space   := $(empty) $(empty)
 B       ?= build/$(notdir $(firstword $(CC)))$(subst $(space),,$(OPT))
 WARN    := -std=c11 -Wall -Wextra -Wpedantic -Wconversion -Wsign-conversion -Wdouble-promotion -Wshadow -Wundef \
-           -Wcast-align -Wmissing-prototypes -Wswitch-enum -Werror
+           -Wcast-align -Wmissing-prototypes -Wswitch-enum $(if $(CI),-Werror)
 # No fused multiply-add, no reordering: a replay gives the same bits with every compiler and level.
 CFLAGS  += $(WARN) $(OPT) -g -ffp-contract=off -fno-fast-math -D_GNU_SOURCE -Iinclude -I$(B)/gen -MMD -MP
 LDLIBS  := -lode -lccd -llcm -lconfig -lz -lpthread -lm
-empty   :=
-space   := $(empty) $(empty)
+Q       := $(if $(V),,@)
 
 CORE    := $(wildcard src/*.c)
 PROCESS := $(filter-out src/process/main.c,$(wildcard src/process/*.c))
@@ -20,55 +21,77 @@ DRIVERS := $(wildcard drivers/*.c)
 TOOLS   := $(patsubst tools/%.c,%,$(wildcard tools/*.c))
 TESTS   := $(patsubst test/%.c,%,$(wildcard test/test_*.c test/*_pipe.c))
 TYPES   := $(patsubst data/lcm/%.lcm,%,$(wildcard data/lcm/*.lcm))
-GEN_O   := $(TYPES:%=$(B)/gen/%.o)
+GEN_O   := $(TYPES:%=$(B)/gen/gloved_%.o)
 OBJ      = $(1:%.c=$(B)/%.o)
 LIB     := $(B)/libgloved.a
+
+RUN_PACKAGES  := gcc libc6-dev libode-dev libccd-dev liblcm-dev liblcm-bin libconfig-dev zlib1g-dev
+TEST_PACKAGES := $(RUN_PACKAGES) clang python3-venv can-utils
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
 .SECONDARY:
 
+## run: the demo: a simulated user grasps and lifts a box over UDP, in this terminal
+run: $(B)/gloved $(B)/fcusim
+	$(Q)B=$(B) tools/demo
+
+## test: build and run every test
+test: build/.test-packages build/venv/.done
+	$(Q)$(MAKE) --no-print-directory all
+	$(Q)B=$(B) test/run
+
 ## all: build the daemon, the tools and the tests
 all: $(patsubst src/process/main.c,$(B)/gloved,$(wildcard src/process/main.c)) $(TOOLS:%=$(B)/%) $(TESTS:%=$(B)/test/%)
 
+## layers: check that no include or call crosses a wall (also part of the tests)
+layers:
+	$(Q)sh test/test_layers.sh
+
+# What the build and the tests need, from Debian by name.
+build/.run-packages:
+	$(Q)tools/packages $(RUN_PACKAGES)
+	@mkdir -p build && touch $@
+build/.test-packages: build/.run-packages
+	$(Q)tools/packages $(TEST_PACKAGES)
+	@touch $@
+# What the tests in Python check against: the frame database and logs as other people's tools read them.
+build/venv/.done: build/.test-packages
+	@echo "  VENV build/venv"
+	$(Q)python3 -m venv build/venv
+	$(Q)build/venv/bin/pip install -q --disable-pip-version-check cantools python-can lcm
+	@touch $@
+
 $(B)/%.o: %.c | $(B)/gen/.done
 	@mkdir -p $(@D)
-	$(CC) $(CFLAGS) -c $< -o $@
-$(B)/gen/.done: $(wildcard data/lcm/*.lcm) | deps
+	@echo "  CC   $<"
+	$(Q)$(CC) $(CFLAGS) -c $< -o $@
+$(B)/gen/.done: $(wildcard data/lcm/*.lcm) | build/.run-packages
 	@mkdir -p $(B)/gen
-	$(if $(TYPES),lcm-gen -c --c-cpath $(B)/gen --c-hpath $(B)/gen data/lcm/*.lcm)
+	$(Q)$(if $(TYPES),lcm-gen -c --c-cpath $(B)/gen --c-hpath $(B)/gen data/lcm/*.lcm)
 	@touch $@
 $(B)/gen/%.o: $(B)/gen/.done
-	$(CC) -O2 -I$(B)/gen -c $(B)/gen/$*.c -o $@
+	$(Q)$(CC) -O2 -I$(B)/gen -c $(B)/gen/$*.c -o $@
 $(LIB): $(call OBJ,$(CORE) $(PROCESS) $(DRIVERS)) $(GEN_O)
 	@rm -f $@
-	ar rcs $@ $^
+	$(Q)ar rcs $@ $^
 $(B)/gloved: $(B)/src/process/main.o $(LIB)
-	$(CC) $(LDFLAGS) $^ $(LDLIBS) -o $@
+	@echo "  LD   $@"
+	$(Q)$(CC) $(LDFLAGS) $^ $(LDLIBS) -o $@
 $(TOOLS:%=$(B)/%): $(B)/%: $(B)/tools/%.o $(LIB)
-	$(CC) $(LDFLAGS) $^ $(LDLIBS) -o $@
+	@echo "  LD   $@"
+	$(Q)$(CC) $(LDFLAGS) $^ $(LDLIBS) -o $@
 $(TESTS:%=$(B)/test/%): $(B)/test/%: $(B)/test/%.o $(LIB)
 	@mkdir -p $(@D)
-	$(CC) $(LDFLAGS) $^ $(LDLIBS) -o $@
-
-deps:
-
-## test: build and run every test
-test: all build/venv/.done
-	@B=$(B) test/run
-# What the tests in Python check against: the frame database and logs as other people's tools read them.
-build/venv/.done:
-	python3 -m venv build/venv
-	build/venv/bin/pip install -q --disable-pip-version-check cantools python-can
-	@touch $@
-
-## help: this list
-help:
-	@sed -n 's/^## //p' $(MAKEFILE_LIST)
+	$(Q)$(CC) $(LDFLAGS) $^ $(LDLIBS) -o $@
 
 ## clean: remove what was built
 clean:
 	rm -rf build
 
-.PHONY: all deps test help clean
+## help: this list
+help:
+	@sed -n 's/^## //p' $(MAKEFILE_LIST)
+
+.PHONY: run test all layers clean help
 -include $(shell find $(B) -name '*.d' 2>/dev/null)
