@@ -1,0 +1,43 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// What a thread needs to keep its deadlines on Linux. Where the machine refuses something, the rest is
+// still done and the refusal is reported: a replay or a try-out needs none of it.
+#ifndef GLOVED_PROCESS_REALTIME_H
+#define GLOVED_PROCESS_REALTIME_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+typedef struct gv_realtime_config {
+  int priority;      // SCHED_FIFO 1..99; 0: the ordinary scheduler
+  bool lock_memory;  // mlockall
+  int cpu;           // core to run on; or one of:
+} gv_realtime_config;
+
+enum { GV_CPU_LAST = -1,   // the last one allowed, where there are several
+       GV_CPU_ANY = -2 };
+
+typedef enum gv_refusal { // bits
+  GV_REFUSED_MEMORY = 1 << 0, GV_REFUSED_PRIORITY = 1 << 1, GV_REFUSED_CPU = 1 << 2
+} gv_refusal;
+
+enum { GV_REALTIME_STACK = 1 << 20 };  // bytes of stack that the loop's thread has, and touches beforehand
+
+// Whole process, before the loop's thread starts: touches all code and data that is mapped, and locks
+// memory. Returns gv_refusal bits.
+unsigned gv_realtime_prepare(const gv_realtime_config *cfg);
+// In the loop's thread: stack, timer slack, core, priority. Returns gv_refusal bits.
+unsigned gv_realtime_enter(const gv_realtime_config *cfg);
+// The refusals in one line, with what to do about them.
+void gv_realtime_refusal_text(unsigned refusals, char *out, size_t size);
+
+// Address space for `size` bytes of zeroed memory; null where there is none. A page costs memory once it
+// is written. gv_realtime_trim gives back what lies beyond `used` bytes.
+void *gv_realtime_reserve(size_t size);
+void gv_realtime_trim(void *memory, size_t size, size_t used);
+
+// Page faults of the calling thread so far.
+typedef struct gv_page_faults { int64_t major, minor; } gv_page_faults;
+gv_page_faults gv_realtime_page_faults(void);
+
+#endif
