@@ -1,0 +1,183 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// Device frames to engine sample, engine answer to force command: decode (fcu.h), keep the newest good
+// glove and hand pose and their ages, step engine, safety machine and limiter, pack. Pure glue in the
+// real-time thread.
+//
+// Counters (modulo 256, one per id): 1 to 127 ahead is new, and the gap counts as lost; equal or 128 to
+// 255 ahead is doubled or overtaken by a newer frame, counts as late and is dropped, since time in the
+// simulation never runs backwards. A device that restarts would be dropped for up to 128 frames: after
+// GV_SESSION_RESYNC in a row its counter is taken as it is.
+#include "session.h"
+
+#include <math.h>
+#include <string.h>
+
+void gv_session_init(gv_session *session, const gv_session_config *cfg, gv_engine *engine) {
+  *session = (gv_session){.cfg = *cfg, .engine = engine, .glove_age_s = INFINITY, .hand_age_s = INFINITY};
+  session->hand.T_world_receiver = session->sample.T_world_receiver = gv_pose_identity();
+  gv_safety_init(&session->safety, &cfg->safety);
+  gv_limiter_init(&session->limiter, &cfg->limiter);
+}
+
+// Whether a frame with this counter is new in its stream.
+static bool accept_counter(gv_frame_counters *frames, gv_stream *stream, uint8_t counter) {
+  uint8_t ahead = (uint8_t)(counter - stream->counter);
+  bool is_new = ahead >= 1 && ahead < 128;
+  if (stream->seen && !is_new && ++stream->refused_in_row < GV_SESSION_RESYNC) {
+    frames->late++;
+    frames->errors++;
+    return false;
+  }
+  if (stream->seen && is_new && ahead > 1) {
+    frames->lost += ahead - 1u;
+    frames->errors++;
+  }
+  *stream = (gv_stream){true, counter, 0};
+  return true;
+}
+
+// Time of measurement; a sample that is too old already counts as late (it still moves the simulated hand).
+static int64_t measured_at(gv_session *session, const gv_frame *frame, int64_t now_ns, uint32_t age_us) {
+  int64_t time_ns = frame->stamp_ns - (int64_t)age_us * 1000;
+  if ((double)(now_ns - time_ns) * 1e-9 > session->cfg.safety.max_age_s) session->frames.late++;
+  return time_ns;
+}
+
+static gv_fcu_error take_glove(gv_session *session, const gv_frame *frame, int64_t now_ns) {
+  gv_glove_msg msg;
+  gv_fcu_error error = gv_fcu_unpack_glove(frame, &msg);
+  if (error || !accept_counter(&session->frames, &session->glove_stream, msg.counter)) return error;
+  bool other_hand = ((msg.flags & GV_GLOVE_LEFT) != 0) != (session->cfg.side == GV_LEFT);
+  if (other_hand || (msg.flags & GV_GLOVE_SENSOR_FAULT)) {
+    session->other_hand |= other_hand;
+    session->frames.unusable++;
+    return GV_FCU_OK;
+  }
+  session->glove = msg;
+  session->glove_time_ns = measured_at(session, frame, now_ns, msg.age_us);
+  session->glove_seen = session->sample.glove_new = true;
+  return GV_FCU_OK;
+}
+
+static gv_fcu_error take_pose(gv_session *session, const gv_frame *frame, int64_t now_ns) {
+  gv_pose_msg msg;
+  gv_fcu_error error = gv_fcu_unpack_pose(frame, &msg);
+  if (error || !accept_counter(&session->frames, &session->pose_stream, msg.counter)) return error;
+  if (!(msg.flags & GV_POSE_VALID) || (msg.flags & GV_POSE_TRACKER_ERROR)) {
+    session->frames.unusable++;
+  } else if (msg.receiver == GV_RECEIVER_HEAD) {
+    session->head = msg;
+    session->head_seen = true;
+  } else if (msg.receiver == GV_RECEIVER_HAND) {
+    session->hand = msg;
+    session->hand_time_ns = measured_at(session, frame, now_ns, msg.age_us);
+    session->hand_seen = session->sample.pose_new = true;
+  }
+  return GV_FCU_OK;
+}
+
+static gv_fcu_error take_status(gv_session *session, const gv_frame *frame) {
+  gv_status_msg msg;
+  gv_fcu_error error = gv_fcu_unpack_status(frame, &msg);
+  if (error || !accept_counter(&session->frames, &session->status_stream, msg.counter)) return error;
+  session->status = msg;
+  session->status_seen = true;
+  return GV_FCU_OK;
+}
+
+static void take_frame(gv_session *session, const gv_frame *frame, int64_t now_ns) {
+  gv_fcu_error error = GV_FCU_OK;
+  session->frames.rx++;
+  switch (frame->id) {
+    case GV_ID_GLOVE: error = take_glove(session, frame, now_ns); break;
+    case GV_ID_POSE: error = take_pose(session, frame, now_ns); break;
+    case GV_ID_STATUS: error = take_status(session, frame); break;
+    default: session->frames.foreign++;
+  }
+  if (error) {
+    session->frames.bad++;
+    session->frames.errors++;
+  }
+}
+
+static void fill_sample(gv_session *session) {
+  for (int i = 0; i < GV_SENSORS; i++) session->sample.raw[i] = session->glove.raw[i];
+  session->sample.T_world_receiver = session->hand.T_world_receiver;
+}
+
+static bool all_finite(const double value[GV_FINGERS]) {
+  for (int i = 0; i < GV_FINGERS; i++)
+    if (!isfinite(value[i])) return false;
+  return true;
+}
+
+static double largest(const double value[GV_FINGERS]) {
+  double max = 0.0;
+  for (int i = 0; i < GV_FINGERS; i++) max = fmax(max, value[i]);
+  return max;
+}
+
+static double age_s(bool seen, int64_t time_ns, int64_t now_ns) {
+  return seen ? (double)(now_ns - time_ns) * 1e-9 : (double)INFINITY;
+}
+
+static void step_safety(gv_session *session, unsigned frame_errors, unsigned overruns) {
+  const bool glove_held = session->glove_seen && (session->glove.flags & GV_GLOVE_DEAD_MAN);
+  const bool device_held = !session->status_seen || (session->status.flags & GV_STATUS_DEAD_MAN);
+  const gv_safety_input in = {
+    .glove_seen = session->glove_seen, .tracker_seen = session->hand_seen,
+    .glove_age_s = session->glove_age_s, .tracker_age_s = session->hand_age_s,
+    .dead_man = glove_held && device_held,
+    .finite = all_finite(session->result.tension_n),
+    .device_fault = session->status_seen && (session->status.flags & GV_STATUS_FAULT),
+    .bad_frames = frame_errors, .overruns = overruns,
+    .desired_max_n = largest(session->result.tension_n),
+  };
+  gv_safety_step(&session->safety, &in, session->cfg.period_s);
+  session->faults_seen |= session->safety.faults;
+}
+
+static uint32_t age_us(double seconds) { return seconds < 0.65 ? (uint32_t)fmax(0.0, seconds * 1e6) : 655350u; }
+
+// Limits the desired forces and packs what is left of them: the one way of a force out of the daemon.
+static void send_force(gv_session *session, const double desired_n[GV_FINGERS], gv_frame *out_command) {
+  const bool enabled = gv_safety_lets_force_out(&session->safety);
+  const double age = fmax(session->glove_age_s, session->hand_age_s);
+  session->limiter_flags = gv_limiter_step(&session->limiter, desired_n, enabled, age, session->cfg.period_s,
+                                           session->force_n);
+  gv_command_msg *msg = &session->command;
+  // While a fault ramps down the device stays enabled: switching off at full force would be a jerk.
+  *msg = (gv_command_msg){.counter = session->command_counter++,
+                          .flags = enabled || largest(session->force_n) > 0.0 ? GV_COMMAND_ENABLE : 0,
+                          .sample_stamp_us = session->glove.stamp_us, .age_us = age_us(session->glove_age_s)};
+  memcpy(msg->tension_n, session->force_n, sizeof msg->tension_n);
+  for (int i = 0; i < GV_FINGERS; i++) session->force_max_n[i] = fmax(session->force_max_n[i], session->force_n[i]);
+  gv_fcu_pack_command(msg, out_command);
+  session->frames.tx++;
+}
+
+static void update_ages(gv_session *session, int64_t now_ns) {
+  session->glove_age_s = age_s(session->glove_seen, session->glove_time_ns, now_ns);
+  session->hand_age_s = age_s(session->hand_seen, session->hand_time_ns, now_ns);
+}
+
+void gv_session_step(gv_session *session, int64_t now_ns, const gv_frame *frame, int count, unsigned overruns,
+                     gv_frame *out_command) {
+  const uint64_t errors_before = session->frames.errors;
+  session->sample.glove_new = session->sample.pose_new = false;
+  for (int i = 0; i < count; i++) take_frame(session, &frame[i], now_ns);
+  fill_sample(session);
+  update_ages(session, now_ns);
+  gv_engine_step(session->engine, &session->sample, &session->result);
+  step_safety(session, (unsigned)(session->frames.errors - errors_before), overruns);
+  send_force(session, session->result.tension_n, out_command);
+}
+
+bool gv_session_stop(gv_session *session, int64_t now_ns, gv_frame *out_command) {
+  static const double no_force[GV_FINGERS];
+  const gv_safety_input in = {.stop = true, .finite = true};
+  update_ages(session, now_ns);
+  gv_safety_step(&session->safety, &in, session->cfg.period_s);
+  send_force(session, no_force, out_command);
+  return largest(session->force_n) <= 0.0;
+}
