@@ -1,0 +1,217 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// The real-time thread: sleep until the deadline (clock_nanosleep, absolute, CLOCK_MONOTONIC), take the
+// devices' frames, one session step, send the command, tell the slow thread. A deadline that was missed is
+// not caught up with: whole periods are skipped and counted.
+#include "loop.h"
+
+#include <errno.h>
+#include <string.h>
+#include <time.h>
+
+#include "heap.h"
+
+enum { REPORT_OVERRUN = 31, FINAL_ZERO_COMMANDS = 3 };
+
+int64_t gv_loop_periods_to_skip(int64_t late_ns, int64_t period_ns) {
+  return late_ns <= 0 ? 0 : (late_ns + period_ns - 1) / period_ns;
+}
+
+const char *gv_exit_name(gv_exit reason) {
+  switch (reason) {
+    case GV_EXIT_RUNNING: return "running";
+    case GV_EXIT_END: return "end of input";
+    case GV_EXIT_DURATION: return "duration";
+    case GV_EXIT_SIGNAL: return "signal";
+    case GV_EXIT_FAULT: return "fault";
+  }
+  return "unknown";
+}
+
+static int64_t clock_ns(clockid_t clock) {
+  struct timespec t;
+  clock_gettime(clock, &t);
+  return (int64_t)t.tv_sec * 1000000000 + t.tv_nsec;
+}
+
+static void sleep_until(int64_t deadline_ns) {
+  const struct timespec t = {deadline_ns / 1000000000, deadline_ns % 1000000000};
+  while (clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &t, NULL) == EINTR) {}
+}
+
+static void add_relaxed(_Atomic uint64_t *counter, uint64_t amount) {
+  atomic_store_explicit(counter, atomic_load_explicit(counter, memory_order_relaxed) + amount, memory_order_relaxed);
+}
+
+// ---- telling the slow thread ------------------------------------------------------------------------
+
+// In free pace nothing is lost: the loop waits for the slow thread.
+static void wait_for_space(const gv_loop *loop, const gv_ring *ring) {
+  while (loop->cfg.pace == GV_PACE_FREE && gv_ring_space(ring) == 0) sleep_until(clock_ns(CLOCK_MONOTONIC) + 200000);
+}
+
+static void push_record(gv_loop *loop, gv_record_kind kind, uint32_t bits) {
+  const gv_session *session = loop->session;
+  wait_for_space(loop, &loop->records);
+  gv_record *record = gv_ring_reserve(&loop->records);
+  if (!record) return;
+  int64_t step = (int64_t)gv_engine_counters(session->engine)->steps;
+  *record = (gv_record){.kind = kind, .step = step, .time_s = (double)(step * loop->cfg.period_ns) * 1e-9,
+                        .utime = loop->wall_us + loop->now_ns / 1000, .from = loop->state_reported, .to = session->safety.state, .bits = bits};
+  gv_ring_commit(&loop->records);
+}
+
+// At most one report a second for each kind, so that a noisy event cannot fill the ring.
+static bool may_report(gv_loop *loop, int kind) {
+  int64_t step = (int64_t)gv_engine_counters(loop->session->engine)->steps;
+  if (step < loop->next_report[kind]) return false;
+  loop->next_report[kind] = step + 1000000000 / loop->cfg.period_ns;
+  return true;
+}
+
+static void report_events(gv_loop *loop) {
+  const gv_session *session = loop->session;
+  for (uint32_t rest = session->result.events; rest; rest &= rest - 1)
+    if (may_report(loop, __builtin_ctz(rest))) push_record(loop, GV_RECORD_ENGINE, rest & (~rest + 1));
+  if (loop->overruns_now && may_report(loop, REPORT_OVERRUN)) push_record(loop, GV_RECORD_OVERRUN, loop->overruns_now);
+  if (session->safety.state == loop->state_reported) return;
+  push_record(loop, GV_RECORD_STATE, session->safety.faults);
+  loop->state_reported = session->safety.state;
+}
+
+static void push_snapshot(gv_loop *loop) {
+  wait_for_space(loop, &loop->snapshots);
+  gv_snapshot *snapshot = gv_ring_reserve(&loop->snapshots);
+  if (!snapshot) return;
+  gv_snapshot_fill(loop->session, loop->object_count, snapshot);
+  snapshot->utime = loop->wall_us + loop->now_ns / 1000;
+  snapshot->events = loop->events;
+  snapshot->missed_deadlines = loop->missed_deadlines;
+  snapshot->overruns = loop->overruns;
+  snapshot->ring_dropped = gv_ring_dropped(&loop->snapshots);
+  snapshot->heap_calls = loop->heap_calls;
+  gv_ring_commit(&loop->snapshots);
+  loop->events = 0;
+}
+
+static void tell(gv_loop *loop, int64_t step) {
+  const int64_t every = 1000000000 / GV_SNAPSHOT_HZ / loop->cfg.period_ns;
+  loop->events |= loop->session->result.events;
+  report_events(loop);
+  if (every <= 1 || step % every == 0) push_snapshot(loop);
+  atomic_store_explicit(&loop->heap_calls, gv_heap_calls(), memory_order_relaxed);
+}
+
+// ---- the loop -----------------------------------------------------------------------------------------
+
+static gv_exit why_to_end(const gv_loop *loop, int64_t step) {
+  if (atomic_load_explicit(loop->stop, memory_order_relaxed)) return GV_EXIT_SIGNAL;
+  if (loop->cfg.steps_max > 0 && step >= loop->cfg.steps_max) return GV_EXIT_DURATION;
+  return loop->driver->ended(loop->driver->self) ? GV_EXIT_END : GV_EXIT_RUNNING;
+}
+
+// Skips the periods that are already over; returns the next deadline.
+static int64_t next_deadline(gv_loop *loop, int64_t deadline_ns, int64_t done_ns) {
+  const int64_t next = deadline_ns + loop->cfg.period_ns;
+  const int64_t skip = gv_loop_periods_to_skip(done_ns - next, loop->cfg.period_ns);
+  loop->overruns_now = (unsigned)skip;
+  if (skip) {
+    add_relaxed(&loop->missed_deadlines, 1);
+    add_relaxed(&loop->overruns, (uint64_t)skip);
+  }
+  return next + skip * loop->cfg.period_ns;
+}
+
+// From the end of the first step on the thread has touched what it needs: nothing more may be allocated
+// or faulted in. loop->page_faults holds the count at that time until count_faults.
+static void watch_faults(gv_loop *loop) {
+  loop->page_faults = gv_realtime_page_faults();
+  gv_heap_watch(true);
+}
+
+static void count_faults(gv_loop *loop) {
+  const gv_page_faults now = gv_realtime_page_faults(), before = loop->page_faults;
+  gv_heap_watch(false);
+  loop->page_faults = (gv_page_faults){now.major - before.major, now.minor - before.minor};
+}
+
+// Forces to zero over the limiter's ramp, without engine steps, and then a few commands of zero for a
+// lossy link. Bounded: the ramp ends.
+static void ramp_down(gv_loop *loop) {
+  int64_t deadline_ns = clock_ns(CLOCK_MONOTONIC);
+  gv_frame command;
+  loop->state_before_stop = loop->session->safety.state;
+  loop->faults_before_stop = loop->session->safety.faults;
+  for (int zeros = 0; zeros < FINAL_ZERO_COMMANDS;) {
+    loop->now_ns += loop->cfg.period_ns;
+    zeros += gv_session_stop(loop->session, loop->now_ns, &command) ? 1 : 0;
+    loop->driver->send(loop->driver->self, &command, 1);
+    deadline_ns += loop->cfg.period_ns;
+    if (loop->cfg.pace != GV_PACE_FREE) sleep_until(deadline_ns);
+  }
+}
+
+static gv_exit run(gv_loop *loop) {
+  const gv_pace pace = loop->cfg.pace;
+  const gv_driver *driver = loop->driver;
+  int64_t deadline_ns = clock_ns(CLOCK_MONOTONIC) + loop->cfg.period_ns;
+  gv_exit reason;
+  gv_frame command;
+  for (int64_t step = 0; (reason = why_to_end(loop, step)) == GV_EXIT_RUNNING; step++) {
+    if (pace != GV_PACE_FREE) sleep_until(deadline_ns);
+    const int64_t start_ns = clock_ns(CLOCK_MONOTONIC);
+    loop->now_ns = pace == GV_PACE_LIVE ? start_ns : step * loop->cfg.period_ns;
+    const int count = driver->poll(driver->self, loop->now_ns, loop->frame, GV_LOOP_FRAMES);
+    gv_session_step(loop->session, loop->now_ns, loop->frame, count, loop->overruns_now, &command);
+    driver->send(driver->self, &command, 1);
+    tell(loop, step);
+    if (step == 0) watch_faults(loop);
+    const int64_t done_ns = clock_ns(CLOCK_MONOTONIC);
+    gv_histogram_add(&loop->step, done_ns - start_ns);
+    if (pace == GV_PACE_FREE) continue;
+    gv_histogram_add(&loop->wake, start_ns - deadline_ns);
+    deadline_ns = next_deadline(loop, deadline_ns, done_ns);
+  }
+  return reason;
+}
+
+static void *loop_thread(void *argument) {
+  gv_loop *loop = argument;
+  const unsigned refusals = loop->refusals_before | gv_realtime_enter(&loop->cfg.realtime);
+  atomic_store(&loop->refusals, (int)refusals);
+  loop->wall_us = clock_ns(CLOCK_REALTIME) / 1000;
+  if (loop->cfg.pace == GV_PACE_LIVE) loop->wall_us -= clock_ns(CLOCK_MONOTONIC) / 1000;
+  loop->page_faults = gv_realtime_page_faults();
+  const gv_exit reason = run(loop);
+  count_faults(loop);
+  ramp_down(loop);
+  tell(loop, 0);
+  atomic_store(&loop->exit, (int)reason);
+  return NULL;
+}
+
+void gv_loop_init(gv_loop *loop, const gv_loop_config *cfg, gv_session *session, gv_driver *driver, int object_count,
+                  atomic_bool *stop) {
+  loop->cfg = *cfg;
+  loop->session = session;
+  loop->driver = driver;
+  loop->object_count = object_count;
+  loop->stop = stop;
+  loop->state_reported = session->safety.state;
+  atomic_init(&loop->exit, GV_EXIT_RUNNING);
+  atomic_init(&loop->refusals, -1);
+  gv_ring_init(&loop->snapshots, loop->snapshot_slot, sizeof loop->snapshot_slot[0], GV_LOOP_SNAPSHOTS);
+  gv_ring_init(&loop->records, loop->record_slot, sizeof loop->record_slot[0], GV_LOOP_RECORDS);
+}
+
+int gv_loop_start(gv_loop *loop) {
+  pthread_attr_t attributes;
+  loop->refusals_before = gv_realtime_prepare(&loop->cfg.realtime);
+  pthread_attr_init(&attributes);
+  pthread_attr_setstacksize(&attributes, GV_REALTIME_STACK);
+  int error = pthread_create(&loop->thread, &attributes, loop_thread, loop);
+  pthread_attr_destroy(&attributes);
+  return error;
+}
+
+bool gv_loop_running(const gv_loop *loop) { return atomic_load(&loop->exit) == GV_EXIT_RUNNING; }
+void gv_loop_join(gv_loop *loop) { pthread_join(loop->thread, NULL); }

@@ -1,0 +1,81 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// The real-time loop: one thread, one absolute deadline per period. It never prints, blocks or
+// allocates; what it has to tell goes into two rings that the slow thread empties.
+//
+//   live   time is CLOCK_MONOTONIC; the devices run by themselves (udp:)
+//   paced  time is step number x period, slept for in real time: a recording or a simulated device gives the
+//          same result as in `free`
+//   free   the same time, as fast as possible (?speed=0)
+#ifndef GLOVED_PROCESS_LOOP_H
+#define GLOVED_PROCESS_LOOP_H
+
+#include <pthread.h>
+
+#include "histogram.h"
+#include "realtime.h"
+#include "ring.h"
+#include "snapshot.h"
+
+typedef enum gv_pace { GV_PACE_LIVE, GV_PACE_PACED, GV_PACE_FREE } gv_pace;
+
+enum {
+  GV_LOOP_SNAPSHOTS = 32,    // 0.6 s of snapshots at 50 Hz before the first is dropped; 23 kB each
+  GV_LOOP_RECORDS = 256,
+  GV_LOOP_FRAMES = 256,      // frames taken per period: what a device of 1 kHz sends in 64 ms; the rest waits
+  GV_SNAPSHOT_HZ = 50
+};
+
+typedef struct gv_loop_config {
+  int64_t period_ns;
+  int64_t steps_max;         // 0: until the driver ends or a signal comes
+  gv_pace pace;
+  gv_realtime_config realtime;
+} gv_loop_config;
+
+typedef enum gv_exit { GV_EXIT_RUNNING, GV_EXIT_END, GV_EXIT_DURATION, GV_EXIT_SIGNAL, GV_EXIT_FAULT } gv_exit;
+
+// The loop's thread writes everything but `stop`; others read the atomics at any time, and the rest
+// after gv_loop_join.
+typedef struct gv_loop {
+  gv_loop_config cfg;
+  gv_session *session;
+  gv_driver *driver;
+  int object_count;
+  pthread_t thread;
+  atomic_bool *stop;         // set by a signal handler
+  _Atomic int exit;          // gv_exit; other than running: the loop has ended
+  _Atomic int refusals;      // gv_refusal bits of the thread's set-up; -1: not known yet
+  gv_histogram step, wake;   // work of a period; deadline to start of work (not in free pace)
+  _Atomic uint64_t missed_deadlines; // steps that were not done within their period
+  _Atomic uint64_t overruns;         // whole periods skipped because of them
+  _Atomic uint64_t heap_calls;       // in this thread since the end of its first step
+  gv_page_faults page_faults;        // likewise
+  gv_safety_state state_before_stop; // of the safety machine when the loop began to end
+  uint32_t faults_before_stop;
+  gv_ring snapshots, records;        // to the slow thread
+  // The loop's own.
+  unsigned refusals_before;          // of the process, before the thread started
+  unsigned overruns_now;             // periods skipped just before this step
+  int64_t wall_us;                   // us since 1970 when session time was 0
+  int64_t now_ns;                    // session time of this step
+  uint32_t events;                   // engine events since the last snapshot
+  gv_safety_state state_reported;
+  int64_t next_report[32];           // step before which an engine event bit is not reported again; 31: overruns
+  gv_frame frame[GV_LOOP_FRAMES];
+  gv_snapshot snapshot_slot[GV_LOOP_SNAPSHOTS];
+  gv_record record_slot[GV_LOOP_RECORDS];
+} gv_loop;
+
+// `loop` zeroed, its memory present (some 0.8 MB). `stop` may be set from a signal handler.
+void gv_loop_init(gv_loop *loop, const gv_loop_config *cfg, gv_session *session, gv_driver *driver, int object_count,
+                  atomic_bool *stop);
+// Locks memory as configured and starts the thread. 0, or the errno of pthread_create.
+int gv_loop_start(gv_loop *loop);
+bool gv_loop_running(const gv_loop *loop);
+void gv_loop_join(gv_loop *loop);
+const char *gv_exit_name(gv_exit reason);  // "end of input", "duration", "signal", "fault"
+
+// Whole periods to skip so that a deadline that was missed by late_ns lies ahead again; 0 when not late.
+int64_t gv_loop_periods_to_skip(int64_t late_ns, int64_t period_ns);
+
+#endif
