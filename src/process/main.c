@@ -1,0 +1,193 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// gloved, from the command line to the exit code. Set-up reads everything and takes all memory; then two
+// threads run until the end: the real-time loop (loop.c: frames in, engine step, forces out) and this one,
+// the slow one (slow.c: LCM, log, view); then the summary is written. Start reading here, then loop.c,
+// session.c, and src/engine.c.
+#include <signal.h>
+#include <stdio.h>
+#include <string.h>
+
+#include "devices.h"
+#include "options.h"
+#include "scene_load.h"
+#include "slow.h"
+#include "summary.h"
+
+#define GV_VERSION "0.1.0"
+
+enum { OK = 0, FAULT = 1, BAD_INPUT = 2, ERROR_TEXT = 512 };
+
+// Address space for scene and engine: the largest scene allowed takes 32 MB, its engine less than that
+// again. What the scene at hand does not need is given back.
+static const size_t memory_size = (size_t)256 << 20;
+
+typedef struct program {
+  gv_options options;
+  gv_settings settings;
+  void *memory;
+  gv_arena arena;
+  gv_scene scene;
+  gv_engine *engine;
+  gv_driver driver;
+  gv_pace pace;
+  gv_telemetry *telemetry;
+  FILE *summary_file;        // null: not asked for
+  gv_session session;
+  gv_loop loop;
+  gv_view view;
+  char err[ERROR_TEXT];
+} program;
+
+static atomic_bool stop_requested;
+
+static void on_signal(int number) {
+  (void)number;
+  atomic_store(&stop_requested, true);
+}
+
+static void catch_signals(void) {
+  struct sigaction action;
+  memset(&action, 0, sizeof action);
+  action.sa_handler = on_signal;
+  sigaction(SIGINT, &action, NULL);
+  sigaction(SIGTERM, &action, NULL);
+  sigaction(SIGHUP, &action, NULL);
+  signal(SIGPIPE, SIG_IGN);  // a reader of our output that goes away must not end a running force loop
+}
+
+// ---- set-up: 0, or negative with one line in p->err ---------------------------------------------------
+
+static int open_world(program *p) {
+  p->memory = gv_realtime_reserve(memory_size);
+  if (!p->memory) {
+    snprintf(p->err, sizeof p->err, "no memory for scene and engine; close other programs");
+    return -1;
+  }
+  gv_arena_init(&p->arena, p->memory, memory_size);
+  if (gv_scene_load(p->settings.scene, &p->arena, &p->scene, p->err, sizeof p->err)) return -1;
+  const size_t size = gv_engine_size(&p->settings.engine, &p->scene);
+  void *block = gv_arena_alloc(&p->arena, "engine", size);
+  p->engine = block ? gv_engine_init(block, size, &p->settings.engine, &p->scene) : NULL;
+  if (!p->engine) {
+    snprintf(p->err, sizeof p->err, "%s: the engine does not start with %zu bytes; use a smaller scene", p->settings.scene, size);
+    return -1;
+  }
+  gv_realtime_trim(p->memory, memory_size, p->arena.used);
+  p->arena.size = p->arena.used;
+  return 0;
+}
+
+// Where nobody asked for a certain LCM, a machine without multicast is told so, and the hand works all the same.
+static int open_telemetry(program *p) {
+  gv_settings defaults;
+  gv_settings_default(&defaults);
+  const bool required = p->options.lcm || strcmp(p->settings.lcm, defaults.lcm) != 0;
+  p->telemetry = gv_telemetry_open(p->settings.lcm, required, p->options.log, &p->scene, p->err, sizeof p->err);
+  if (p->telemetry && p->err[0]) fprintf(stderr, "gloved: going on without LCM: %s\n", p->err);
+  return p->telemetry ? 0 : -1;
+}
+
+static int open_summary(program *p) {
+  if (!p->options.summary || p->options.check) return 0;
+  p->summary_file = fopen(p->options.summary, "w");
+  if (p->summary_file) return 0;
+  snprintf(p->err, sizeof p->err, "%s: cannot be written; choose another place for --summary", p->options.summary);
+  return -1;
+}
+
+static int set_up(program *p) {
+  if (gv_options_settings(&p->options, &p->settings, p->err, sizeof p->err)) return -1;
+  if (gv_tracker_check(p->settings.tracker, p->err, sizeof p->err)) return -1;
+  if (open_world(p)) return -1;
+  if (gv_device_open(p->settings.fcu, &p->driver, &p->pace, p->err, sizeof p->err)) return -1;
+  if (open_telemetry(p)) return -1;
+  return open_summary(p);
+}
+
+// ---- run ------------------------------------------------------------------------------------------------
+
+static void start_loop(program *p) {
+  const gv_settings *settings = &p->settings;
+  const gv_session_config session = {.limiter = settings->limiter, .safety = settings->safety,
+                                     .side = settings->engine.hand.side, .period_s = 1.0 / settings->rate_hz};
+  const gv_realtime_config none = {.cpu = GV_CPU_ANY};
+  const gv_realtime_config realtime = {.priority = settings->rt_priority, .lock_memory = settings->mlock, .cpu = settings->cpu};
+  const gv_loop_config loop = {
+    .period_ns = (int64_t)(1e9 / settings->rate_hz + 0.5),
+    .steps_max = (int64_t)(p->options.duration_s * settings->rate_hz + 0.5),
+    .pace = p->pace,
+    .realtime = p->pace == GV_PACE_FREE ? none : realtime,
+  };
+  gv_session_init(&p->session, &session, p->engine);
+  gv_loop_init(&p->loop, &loop, &p->session, &p->driver, p->scene.object_count, &stop_requested);
+}
+
+static int run(program *p) {
+  start_loop(p);
+  catch_signals();
+  gv_view_open(&p->view, p->settings.fcu, &p->scene, p->settings.limiter.max_n, p->pace == GV_PACE_FREE);
+  if (gv_loop_start(&p->loop) != 0) {
+    gv_view_close(&p->view);
+    fprintf(stderr, "gloved: the real-time thread does not start; close other programs\n");
+    return BAD_INPUT;
+  }
+  gv_slow_run(&p->loop, p->telemetry, &p->view);
+  gv_loop_join(&p->loop);
+  gv_view_close(&p->view);
+  return OK;
+}
+
+static int report(program *p) {
+  const bool fault = p->loop.state_before_stop == GV_SAFETY_FAULT;
+  const gv_summary summary = {.loop = &p->loop, .scene = &p->scene, .arena = &p->arena, .title = p->settings.fcu,
+                              .reason = fault ? GV_EXIT_FAULT : (gv_exit)atomic_load(&p->loop.exit),
+                              .driver = p->driver.stats(p->driver.self)};
+  gv_summary_print(&summary, stdout);
+  if (fault) fprintf(stderr, "gloved: fault: %s; forces were brought to zero\n", gv_fault_text(p->loop.faults_before_stop));
+  if (!p->summary_file) return fault ? FAULT : OK;
+  const bool written = gv_summary_json(&summary, p->summary_file) == 0;
+  if (fclose(p->summary_file) == 0 && written) return fault ? FAULT : OK;
+  fprintf(stderr, "gloved: %s: not written; make room on the disk\n", p->options.summary);
+  return BAD_INPUT;
+}
+
+static void say_what_was_found(const program *p) {
+  const char *const pace[] = {"live", "in real time", "as fast as possible"};
+  printf("settings   %s; %g Hz, step %g ms\n", p->options.config ? p->options.config : "defaults", p->settings.rate_hz,
+         p->settings.engine.step_s * 1e3);
+  printf("scene      %s; %d objects, %d pieces, %d triangles\n", p->settings.scene, p->scene.object_count,
+         p->scene.piece_count, p->scene.triangle_count);
+  printf("fcu        %s; %s\n", p->settings.fcu, pace[p->pace]);
+  printf("lcm        %s\n", p->settings.lcm);
+  printf("memory     %.1f MB for scene and engine\n", (double)p->arena.used / 1e6);
+  printf("all sound\n");
+}
+
+static void tear_down(program *p) {
+  if (p->telemetry) gv_telemetry_close(p->telemetry);
+  if (p->driver.close) p->driver.close(p->driver.self);
+  if (p->engine) gv_engine_close(p->engine);
+}
+
+int main(int argc, char **argv) {
+  static program p;          // 1 MB
+  int code = BAD_INPUT;
+  if (gv_options_parse(argc, argv, &p.options, p.err, sizeof p.err)) {
+    fprintf(stderr, "gloved: %s\n", p.err);
+    return BAD_INPUT;
+  }
+  if (p.options.help || p.options.version) {
+    fputs(p.options.help ? gv_options_help() : "gloved " GV_VERSION "\n", stdout);
+    return OK;
+  }
+  if (set_up(&p)) {
+    fprintf(stderr, "gloved: %s\n", p.err);
+  } else if (p.options.check) {
+    say_what_was_found(&p);
+    code = OK;
+  } else if ((code = run(&p)) == OK) {
+    code = report(&p);
+  }
+  tear_down(&p);
+  return code;
+}
