@@ -21,7 +21,7 @@ DRIVERS := $(wildcard drivers/*.c)
 TOOLS   := $(patsubst tools/%.c,%,$(wildcard tools/*.c))
 TESTS   := $(patsubst test/%.c,%,$(wildcard test/test_*.c test/*_pipe.c))
 TYPES   := $(patsubst data/lcm/%.lcm,%,$(wildcard data/lcm/*.lcm))
-GEN_O   := $(TYPES:%=$(B)/gen/gloved_%.o)
+GEN_O   := $(TYPES:%=$(B)/gen/%.o)
 OBJ      = $(1:%.c=$(B)/%.o)
 LIB     := $(B)/libgloved.a
 

@@ -74,7 +74,7 @@ static void read_hand(gv_conf_group *root, gv_hand_model *out) {
   static const char *const sides[] = {"right", "left", NULL};
   gv_conf_group hand;
   if (!gv_conf_enter(root, "hand", &hand)) return;
-  int side = out->side;
+  int side = (int)out->side;
   if (gv_conf_choice(&hand, "side", sides, &side)) *out = gv_hand_model_default(side ? GV_LEFT : GV_RIGHT);
   double base[GV_FINGERS][3];
   read_fingers_mm(&hand, "segment_mm", 5, 150, out->segment_m);

@@ -13,7 +13,7 @@
 #include <string.h>
 
 void gv_session_init(gv_session *session, const gv_session_config *cfg, gv_engine *engine) {
-  *session = (gv_session){.cfg = *cfg, .engine = engine, .glove_age_s = INFINITY, .hand_age_s = INFINITY};
+  *session = (gv_session){.cfg = *cfg, .engine = engine, .glove_age_s = HUGE_VAL, .hand_age_s = HUGE_VAL};
   session->hand.T_world_receiver = session->sample.T_world_receiver = gv_pose_identity();
   gv_safety_init(&session->safety, &cfg->safety);
   gv_limiter_init(&session->limiter, &cfg->limiter);
@@ -118,7 +118,7 @@ static double largest(const double value[GV_FINGERS]) {
 }
 
 static double age_s(bool seen, int64_t time_ns, int64_t now_ns) {
-  return seen ? (double)(now_ns - time_ns) * 1e-9 : (double)INFINITY;
+  return seen ? (double)(now_ns - time_ns) * 1e-9 : HUGE_VAL;
 }
 
 static void step_safety(gv_session *session, unsigned frame_errors, unsigned overruns) {
