@@ -63,7 +63,7 @@ static char *read_text(gv_conf *conf) {
   }
   if (!text) fail_at(conf, 0, "out of memory while reading");
   else if (ferror(file)) fail_at(conf, 0, "cannot read: %s; give a text file", strerror(errno));
-  else if (size >= GV_CONF_MAX_BYTES) fail_at(conf, 0, "larger than %d MB; split or simplify it", GV_CONF_MAX_BYTES >> 20);
+  else if (size >= GV_CONF_MAX_BYTES) fail_at(conf, 0, "larger than %d MB; simplify it", GV_CONF_MAX_BYTES >> 20);
   else if (memchr(text, 0, size)) fail_at(conf, 0, "holds zero bytes: not a text file");
   else text[size] = 0;
   fclose(file);
@@ -80,7 +80,7 @@ static bool check_integer(gv_conf *conf, unsigned line, const char *word, size_t
   errno = 0;
   unsigned long long value = strtoull(word, NULL, hex ? 16 : 10);
   if (errno == 0 && value <= INT_MAX) return true;
-  return fail_at(conf, line, "the integer %.*s is too large; at most %d, or write it with a decimal point",
+  return fail_at(conf, line, "the integer %.*s is too large; stay below %d, or write it with a decimal point",
                  length > 40 ? 40 : (int)length, word, INT_MAX);
 }
 
@@ -166,7 +166,7 @@ gv_conf_group gv_conf_root(gv_conf *conf) {
 
 gv_conf_group gv_conf_as_group(gv_conf_node node, const char *what) {
   if (gv_conf_has(node) && !config_setting_is_group(node.setting))
-    gv_conf_fail(node, "%s must be a group: write { key = value; ... }", what);
+    gv_conf_fail(node, "%s must be a group; write { key = value; ... }", what);
   return (gv_conf_group){.node = node};
 }
 
@@ -269,7 +269,7 @@ static double number_value(const config_setting_t *setting) {
 }
 
 static bool read_number(gv_conf_node node, const char *what, double min, double max, double *out) {
-  if (!is_number(node.setting)) return gv_conf_fail(node, "%s must be a number, without quotes", what);
+  if (!is_number(node.setting)) return gv_conf_fail(node, "%s is no number; give one from %g to %g, without quotes", what, min, max);
   double value = number_value(node.setting);
   if (!isfinite(value)) return gv_conf_fail(node, "%s is not finite; give a number from %g to %g", what, min, max);
   if (value < min || value > max)
@@ -303,7 +303,7 @@ bool gv_conf_bool(gv_conf_group *group, const char *key, bool *out) {
   gv_conf_node node = gv_conf_find(group, key);
   if (!gv_conf_has(node)) return false;
   if (config_setting_type(node.setting) != CONFIG_TYPE_BOOL)
-    return gv_conf_fail(node, "'%s' must be true or false, without quotes", key);
+    return gv_conf_fail(node, "'%s' is neither true nor false; write one of them, without quotes", key);
   *out = config_setting_get_bool(node.setting) != 0;
   return true;
 }
@@ -312,8 +312,8 @@ bool gv_conf_text(gv_conf_group *group, const char *key, char *out, size_t size)
   gv_conf_node node = gv_conf_find(group, key);
   if (!gv_conf_has(node)) return false;
   const char *text = config_setting_get_string(node.setting);
-  if (!text) return gv_conf_fail(node, "'%s' must be text in double quotes", key);
-  if (strlen(text) >= size) return gv_conf_fail(node, "'%s' has %zu bytes; at most %zu", key, strlen(text), size - 1);
+  if (!text) return gv_conf_fail(node, "'%s' is no text; put it into double quotes", key);
+  if (strlen(text) >= size) return gv_conf_fail(node, "'%s' has %zu bytes; use at most %zu", key, strlen(text), size - 1);
   for (const char *c = text; *c; c++)
     if (iscntrl((unsigned char)*c)) return gv_conf_fail(node, "'%s' holds a control character; remove it", key);
   memcpy(out, text, strlen(text) + 1);
@@ -330,7 +330,7 @@ bool gv_conf_choice(gv_conf_group *group, const char *key, const char *const *na
     size_t used = strlen(list);
     snprintf(list + used, sizeof list - used, "%s\"%s\"", i ? " or " : "", names[i]);
   }
-  return gv_conf_fail(node, "'%s' is not one of its choices; write %s", key, list);
+  return gv_conf_fail(node, "'%s' is none of its choices; write %s", key, list);
 }
 
 int gv_conf_length(gv_conf_node node) {
@@ -346,9 +346,9 @@ gv_conf_node gv_conf_entry(gv_conf_node node, int index) {
 static bool read_numbers(gv_conf_node node, const char *what, double min, double max, int count, const char *shape,
                          double *out) {
   int length = gv_conf_length(node);
-  if (length < 0) return gv_conf_fail(node, "%s must be %s", what, shape);
+  if (length < 0) return gv_conf_fail(node, "%s is no list of numbers; write %s", what, shape);
   if (length != count)
-    return gv_conf_fail(node, "%s has %d number%s; write %d: %s", what, length, length == 1 ? "" : "s", count, shape);
+    return gv_conf_fail(node, "%s has %d number%s; write %d, %s", what, length, length == 1 ? "" : "s", count, shape);
   double value[64];
   char entry[96];
   for (int i = 0; i < count; i++) {

@@ -5,11 +5,11 @@
 #include "config_load.h"
 
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 
 #include "conf.h"
 
-#define MM_PER_M 1000.0          // divided by, which rounds 46.6 mm to the same number as 0.0466 m
 #define DEG (GV_PI / 180)
 #define MAX_TENSION_N 12.285     // what a force command can carry (gloved/fcu.h)
 
@@ -29,15 +29,22 @@ void gv_settings_default(gv_settings *out) {
 
 // ---- numbers in the units of the file -------------------------------------------------------------
 
+// Shifts the decimal point, so that 40.3 mm becomes the very number that 0.0403 m is (40.3 / 1000 does not).
+static double metres(double mm) {
+  char text[40];
+  snprintf(text, sizeof text, "%.12fe-3", mm);
+  return strtod(text, NULL);
+}
+
 static void read_mm(gv_conf_group *group, const char *key, double min, double max, double *out) {
   double value;
-  if (gv_conf_number(group, key, min, max, &value)) *out = value / MM_PER_M;
+  if (gv_conf_number(group, key, min, max, &value)) *out = metres(value);
 }
 
 static void read_vector_mm(gv_conf_group *group, const char *key, double min, double max, gv_vec3 *out) {
   double v[3];
   if (gv_conf_numbers(group, key, min, max, 3, "[x, y, z] in millimetres", v))
-    *out = gv_v3(v[0] / MM_PER_M, v[1] / MM_PER_M, v[2] / MM_PER_M);
+    *out = gv_v3(metres(v[0]), metres(v[1]), metres(v[2]));
 }
 
 // Five rows of three, thumb to little finger. True where they were read.
@@ -48,7 +55,7 @@ static bool read_fingers_mm(gv_conf_group *group, const char *key, double min, d
     return gv_conf_fail(rows, "'%s' must be 5 rows, thumb to little finger; write ( [a, b, c], ... )", key);
   for (int i = 0; i < GV_FINGERS; i++) {
     if (!gv_conf_entry_numbers(gv_conf_entry(rows, i), min, max, 3, "[a, b, c] in millimetres", out[i])) return false;
-    for (int k = 0; k < 3; k++) out[i][k] /= MM_PER_M;
+    for (int k = 0; k < 3; k++) out[i][k] = metres(out[i][k]);
   }
   return true;
 }
