@@ -76,7 +76,8 @@ static bool is_word(char c) { return isalnum((unsigned char)c) || c == '_' || c 
 // A word that starts with a digit and has no point or exponent: an integer. libconfig keeps 32 bits of it.
 static bool check_integer(gv_conf *conf, unsigned line, const char *word, size_t length) {
   bool hex = length > 1 && (word[1] == 'x' || word[1] == 'X');
-  if (!hex && strcspn(word, ".eE") < length) return true;
+  for (size_t i = 0; i < length && !hex; i++)
+    if (strchr(".eE", word[i])) return true;
   errno = 0;
   unsigned long long value = strtoull(word, NULL, hex ? 16 : 10);
   if (errno == 0 && value <= INT_MAX) return true;

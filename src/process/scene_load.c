@@ -24,7 +24,7 @@ typedef struct loader {
   gv_hull *piece;
   gv_vec3 *vertex;
   gv_triangle *triangle;
-  int objects, pieces, vertices, triangles, hull_vertices;
+  int objects, pieces, vertices, triangles;
 } loader;
 
 // Where one object's shape stands in the file. A box has no nodes.
@@ -38,7 +38,7 @@ typedef struct source {
 static int need_list(gv_conf_group *group, const char *key, const char *hint, gv_conf_node *out) {
   *out = gv_conf_need(group, key, hint);
   int length = gv_conf_length(*out);
-  if (length < 0) gv_conf_fail(*out, "'%s' must be a list; write %s", key, hint);
+  if (length < 0) gv_conf_fail(*out, "'%s' is no list; write %s", key, hint);
   else if (length == 0) gv_conf_fail(*out, "'%s' is empty; write %s", key, hint);
   return length < 0 ? 0 : length;
 }
@@ -63,11 +63,21 @@ static source find_source(gv_conf_group *group) {
 static void count_one(int *total, int more, int max, const char *max_name, const char *what, gv_conf_node at) {
   *total += more;
   if (*total > max)
-    gv_conf_fail(at, "%d %s in the scene so far; at most %d (%s): simplify the scene", *total, what, max, max_name);
+    gv_conf_fail(at, "the scene has %d %s up to here; at most %d (%s): simplify it", *total, what, max, max_name);
+}
+
+static void count_points(int *total, const source *src) {
+  if (gv_conf_has(src->box)) count_one(total, 8, GV_MAX_VERTICES, "GV_MAX_VERTICES", "points of pieces", src->box);
+  for (int i = 0; gv_conf_has(src->pieces) && i < src->piece_count; i++) {
+    gv_conf_node piece = gv_conf_entry(src->pieces, i);
+    int length = gv_conf_length(piece);
+    if (length < 0) gv_conf_fail(piece, "a piece is a list of vertex numbers or points; write [0, 1, 2, 3]");
+    count_one(total, length, GV_MAX_VERTICES, "GV_MAX_VERTICES", "points of pieces", piece);
+  }
 }
 
 static void count_scene(gv_scene *scene, gv_conf_node objects) {
-  int length = gv_conf_length(objects);
+  int length = gv_conf_length(objects), points = 0;
   count_one(&scene->object_count, length, GV_MAX_OBJECTS, "GV_MAX_OBJECTS", "objects", objects);
   for (int i = 0; i < length && !objects.conf->failed; i++) {
     gv_conf_group group = gv_conf_as_group(gv_conf_entry(objects, i), "an object");
@@ -79,7 +89,12 @@ static void count_scene(gv_scene *scene, gv_conf_node objects) {
               box ? src.object : src.triangles);
     count_one(&scene->piece_count, src.piece_count, GV_MAX_PIECES, "GV_MAX_PIECES", "pieces",
               box ? src.object : src.pieces);
+    count_points(&points, &src);
   }
+}
+
+static bool fail_memory(const loader *l, gv_conf_node at) {
+  return gv_conf_fail(at, "the scene does not fit into its %zu bytes of memory; simplify it", l->arena->size);
 }
 
 static bool allocate(loader *l, gv_conf_node at) {
@@ -93,7 +108,7 @@ static bool allocate(loader *l, gv_conf_node at) {
   l->scene.mesh_vertex = l->vertex;
   l->scene.mesh_triangle = l->triangle;
   if (l->object && l->piece && l->vertex && l->triangle) return true;
-  return gv_conf_fail(at, "the scene does not fit into %zu bytes of memory; simplify it", l->arena->size);
+  return fail_memory(l, at);
 }
 
 // ---- one object's settings ------------------------------------------------------------------------
@@ -104,7 +119,7 @@ static void read_name(loader *l, gv_conf_group *group, gv_object *out) {
   if (!gv_conf_has(node)) return;
   static const char allowed[] = "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_-.";
   if (!out->name[0] || out->name[strspn(out->name, allowed)])
-    gv_conf_fail(node, "the name \"%s\" must be letters, digits, '_', '-' or '.'; rename the object", out->name);
+    gv_conf_fail(node, "the name \"%s\" must be letters, digits, '_', '-' or '.'; rename it", out->name);
   for (int i = 0; i < l->objects; i++)
     if (strcmp(l->object[i].name, out->name) == 0)
       gv_conf_fail(node, "two objects are named \"%s\"; rename one", out->name);
@@ -176,7 +191,7 @@ static gv_vec3 read_point(gv_conf_node node) {
 }
 
 static void read_triangle(gv_conf_node node, int vertex_count, gv_triangle *out) {
-  if (gv_conf_length(node) != 3) gv_conf_fail(node, "a triangle must be three vertex numbers; write [0, 1, 2]");
+  if (gv_conf_length(node) != 3) gv_conf_fail(node, "a triangle has three vertex numbers; write [0, 1, 2]");
   for (int k = 0; k < 3 && !node.conf->failed; k++) {
     int index = 0;
     gv_conf_entry_integer(gv_conf_entry(node, k), 0, vertex_count - 1, "a vertex number", &index);
@@ -199,7 +214,6 @@ static int read_piece(const source *src, int i, const gv_vec3 *vertex, gv_vec3 p
   }
   gv_conf_node node = gv_conf_entry(src->pieces, i);
   int length = gv_conf_length(node);
-  if (length < 0) gv_conf_fail(node, "a piece must be a list of vertex numbers or points; write [0, 1, 2, 3]");
   if (length > GV_MAX_HULL_VERTICES)
     gv_conf_fail(node, "piece %d has %d points; at most %d (GV_MAX_HULL_VERTICES): split it", i, length, GV_MAX_HULL_VERTICES);
   for (int k = 0; k < length && !node.conf->failed; k++) {
@@ -211,8 +225,18 @@ static int read_piece(const source *src, int i, const gv_vec3 *vertex, gv_vec3 p
   return length;
 }
 
-static gv_conf_node piece_node(const source *src, int i) {
-  return gv_conf_has(src->box) ? src->box : gv_conf_entry(src->pieces, i);
+static int hull_maximum(int error) {
+  if (error == GV_HULL_VERTICES) return GV_MAX_HULL_VERTICES;
+  if (error == GV_HULL_FACES) return GV_MAX_HULL_FACES;
+  return error == GV_HULL_POLYGON ? GV_MAX_FACE_VERTICES : 0;
+}
+
+static void fail_piece(const loader *l, const source *src, int i, int error) {
+  gv_conf_node at = gv_conf_has(src->box) ? src->box : gv_conf_entry(src->pieces, i);
+  int most = hull_maximum(error);
+  if (error == GV_HULL_MEMORY) fail_memory(l, at);
+  else if (most) gv_conf_fail(at, "piece %d has %s; at most %d", i, gv_hull_error(error), most);
+  else gv_conf_fail(at, "piece %d has %s; change its points", i, gv_hull_error(error));
 }
 
 // Convex hulls of all pieces, seen from `origin`.
@@ -223,7 +247,7 @@ static void build_pieces(loader *l, const source *src, const gv_vec3 *vertex, gv
     if (src->object.conf->failed) return;
     for (int k = 0; k < count; k++) point[k] = gv_sub(point[k], origin);
     int error = gv_hull_build(l->arena, point, count, &out[i]);
-    if (error) gv_conf_fail(piece_node(src, i), "piece %d: %s", i, gv_hull_error(error));
+    if (error) fail_piece(l, src, i, error);
   }
 }
 
@@ -254,12 +278,6 @@ static gv_mass_properties check_shape(loader *l, const source *src, const gv_mes
   }
   *l->arena = before;
   return whole;
-}
-
-static void count_hull_vertices(loader *l, const source *src, const gv_hull *piece) {
-  for (int i = 0; i < src->piece_count && !src->object.conf->failed; i++)
-    count_one(&l->hull_vertices, piece[i].vertex_count, GV_MAX_VERTICES, "GV_MAX_VERTICES", "vertices of pieces",
-              piece_node(src, i));
 }
 
 // ---- objects and scene ----------------------------------------------------------------------------
@@ -324,7 +342,6 @@ static void read_object(loader *l, gv_conf_node node) {
   gv_mass_properties whole = check_shape(l, &src, &mesh, set.fit_m, piece);
   if (!set.has_inertia) take_density(object, &whole);
   build_pieces(l, &src, vertex, object->center_m, piece);
-  count_hull_vertices(l, &src, piece);
   place_body(object, set.T_world_object, vertex);
   l->objects++;
 }
