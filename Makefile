@@ -80,7 +80,8 @@ $(B)/gloved: $(B)/src/process/main.o $(LIB)
 	$(Q)$(CC) $(LDFLAGS) $^ $(LDLIBS) -o $@
 $(TOOLS:%=$(B)/%): $(B)/%: $(B)/tools/%.o $(LIB)
 	@echo "  LD   $@"
-	$(Q)$(CC) $(LDFLAGS) $^ $(LDLIBS) -o $@
+	$(Q)$(CC) $(LDFLAGS) $(filter-out $(LIB),$^) $(LIB) $(LDLIBS) -o $@
+$(B)/gloved-trace: $(call OBJ,$(wildcard tools/trace/*.c))
 $(TESTS:%=$(B)/test/%): $(B)/test/%: $(B)/test/%.o $(LIB)
 	@mkdir -p $(@D)
 	$(Q)$(CC) $(LDFLAGS) $^ $(LDLIBS) -o $@

@@ -1,0 +1,53 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// gloved-trace: what is in a recording, a recording from a table of angles, a recording from the wire.
+// Recordings are candump -L logs, so candump, canplayer, python-can and `gloved --fcu trace:FILE` share them.
+#include <math.h>
+#include <stdarg.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "trace/trace.h"
+
+static const char help[] =
+  "gloved-trace: candump -L recordings of the glove's wire\n"
+  "  gloved-trace info FILE\n"
+  "      Frames, rates, gaps, losses, checksum errors, ages and the kind of samples in a log (plain or gzip).\n"
+  "  gloved-trace import CSV -o FILE [--wrist TRAJ [--wrist-rate HZ]] [--rate HZ] [--left]\n"
+  "      A log of GLOVE and POSE frames from a table: column t_s (seconds) and any of the 22 sensors (radians:\n"
+  "      thumb_rotate, thumb_mpj, ..., wrist_yaw), px py pz (metres) and qw qx qy qz of the tracker's receiver;\n"
+  "      or the columns FFJ3, FFJ2, ... of a simulated hand. --wrist takes the pose from a file of 4x4 matrices\n"
+  "      (row by row, metres; 100 Hz unless --wrist-rate says otherwise). --rate interpolates to that rate.\n"
+  "  gloved-trace record --udp udp://HOST:PORT?listen=PORT -o FILE [--duration S]\n"
+  "      Records what the device sends (cannelloni over UDP) until S seconds went by or Ctrl-C; - is standard output.\n"
+  "Exit codes: 0 done, 1 nothing came or the log could not be written, 2 bad usage or bad input.\n";
+
+int trace_fail(int code, const char *format, ...) {
+  va_list args;
+  va_start(args, format);
+  fputs("gloved-trace: ", stderr);
+  vfprintf(stderr, format, args);
+  fputc('\n', stderr);
+  va_end(args);
+  return code;
+}
+
+_Bool trace_number(const char *text, double lo, double hi, double *out) {
+  char *end;
+  double v = strtod(text, &end);
+  if (end == text || *end || !(v >= lo && v <= hi)) return 0;
+  *out = v;
+  return 1;
+}
+
+int main(int argc, char **argv) {
+  const char *verb = argc > 1 ? argv[1] : "";
+  if (strcmp(verb, "--help") == 0 || strcmp(verb, "-h") == 0) {
+    fputs(help, stdout);
+    return EXIT_DONE;
+  }
+  if (strcmp(verb, "info") == 0) return trace_info(argc - 1, argv + 1);
+  if (strcmp(verb, "import") == 0) return trace_import(argc - 1, argv + 1);
+  if (strcmp(verb, "record") == 0) return trace_record(argc - 1, argv + 1);
+  return trace_fail(EXIT_BAD_INPUT, "%s%s; use info, import or record (gloved-trace --help)", argc > 1 ? "no such job: " : "no job given", verb);
+}
