@@ -59,7 +59,7 @@ typedef struct gv_calibration {
   double angle_rad[GV_SENSORS][2];
 } gv_calibration;
 
-// 12-bit counts 0..4095 over [-pi/2, pi/2) radians, the same for every sensor.
+// 12-bit counts 0..4095 over [-pi/4, 3 pi/4) radians (1024 is straight), the same for every sensor.
 gv_calibration gv_calibration_default(void);
 // 0, or the (negative) -1 - sensor of the first sensor whose two points coincide or are not finite.
 int gv_calibration_check(const gv_calibration *cal);
