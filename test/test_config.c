@@ -64,7 +64,7 @@ static void test_empty_file_is_the_default(void) {
   gv_settings a, b;
   CHECK(load_settings("version = 1;\n", &a) == 0, "%s", err);
   gv_settings_default(&b);
-  SAME(engine.hand); SAME(engine.limb); SAME(limiter); SAME(rate_hz); SAME(scene);
+  SAME(engine.hand.segment_m); SAME(engine.limb); SAME(limiter); SAME(rate_hz); SAME(scene);
 }
 
 static void test_defaults_are_sound(void) {

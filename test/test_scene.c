@@ -55,7 +55,7 @@ static double pieces_volume(const gv_scene *s, const gv_object *o) {
 }
 
 static double lowest_z(const gv_scene *s, const gv_object *o) {
-  double z = INFINITY;
+  double z = HUGE_VAL;
   for (int i = 0; i < o->vertex_count; i++) z = fmin(z, gv_transform(o->T_world_body, s->mesh_vertex[o->vertex_first + i]).z);
   return z;
 }

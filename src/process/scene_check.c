@@ -130,9 +130,9 @@ bool gv_mesh_check(const gv_mesh *mesh, gv_mesh_fault *out) {
 
 // How far p lies outside of the nearest piece, by its face planes; 0 or less: inside.
 static double outside_pieces(gv_vec3 p, const gv_hull *piece, int piece_count) {
-  double least = INFINITY;
+  double least = HUGE_VAL;
   for (int i = 0; i < piece_count && least > 0; i++) {
-    double most = -INFINITY;
+    double most = -HUGE_VAL;
     for (int f = 0; f < piece[i].face_count && most < least; f++)
       most = fmax(most, gv_dot(piece[i].face_normal[f], p) - piece[i].face_offset[f]);
     least = fmin(least, most);
@@ -164,7 +164,7 @@ static double segment_distance(gv_vec3 p, gv_vec3 a, gv_vec3 b) {
 static double triangle_distance(gv_vec3 p, gv_vec3 a, gv_vec3 b, gv_vec3 c) {
   gv_vec3 n = gv_cross(gv_sub(b, a), gv_sub(c, a));
   gv_vec3 from[3] = {a, b, c}, to[3] = {b, c, a};
-  double nearest = INFINITY;
+  double nearest = HUGE_VAL;
   bool above = true;
   for (int k = 0; k < 3; k++) {
     above = above && gv_dot(gv_cross(n, gv_sub(to[k], from[k])), gv_sub(p, from[k])) >= 0;
@@ -183,7 +183,7 @@ static double winding(gv_vec3 p, gv_vec3 a, gv_vec3 b, gv_vec3 c) {
 
 // How far p lies outside of the mesh; 0: in it, or within fit_m of its surface.
 static double outside_mesh(const gv_mesh *mesh, gv_vec3 p, double fit_m) {
-  double nearest = INFINITY, turns = 0;
+  double nearest = HUGE_VAL, turns = 0;
   for (int t = 0; t < mesh->triangle_count; t++) {
     gv_vec3 a = corner(mesh, t, 0), b = corner(mesh, t, 1), c = corner(mesh, t, 2);
     nearest = fmin(nearest, triangle_distance(p, a, b, c));
