@@ -211,7 +211,8 @@ static void read_safety(gv_conf_group *root, gv_safety_config *out) {
 
 static void read_realtime(gv_conf_group *root, gv_settings *out) {
   gv_conf_group realtime;
-  gv_conf_number(root, "rate_hz", 10, 5000, &out->rate_hz);
+  // The simulation keeps up with time unless solver.step_s, read later, says otherwise.
+  if (gv_conf_number(root, "rate_hz", 100, 10000, &out->rate_hz)) out->engine.step_s = 1.0 / out->rate_hz;
   if (!gv_conf_enter(root, "realtime", &realtime)) return;
   gv_conf_integer(&realtime, "cpu", -1, 1023, &out->cpu);
   gv_conf_integer(&realtime, "priority", 0, 99, &out->rt_priority);

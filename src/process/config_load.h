@@ -23,7 +23,7 @@ typedef struct gv_settings {
   char lcm[GV_SETTING_TEXT];         // --lcm; "none": nothing is published
   char calibration[GV_SETTING_TEXT]; // file that engine.calibration was read from; empty: gv_calibration_default
   double rate_hz;                    // periods per second of the real-time loop
-  int cpu;                           // core the loop is pinned to; -1: any
+  int cpu;                           // core the loop is pinned to; -1: the last one, where there are several
   int rt_priority;                   // SCHED_FIFO 1..99; 0: no real-time scheduling
   bool mlock;                        // keep all memory in RAM
 } gv_settings;

@@ -1,0 +1,124 @@
+#!/bin/sh
+# SPDX-License-Identifier: BSD-3-Clause
+# The daemon from outside: every wrong option ends with exit code 2 and one line that names the bad thing and
+# says what to do; --check, --help, the keys of --summary, and SIGTERM while a force flows.
+set -u
+: "${B:?the build directory}"
+gloved=$B/gloved
+tmp=$(mktemp -d); trap 'rm -rf "$tmp"' EXIT
+fails=0
+verdict() { # NAME CODE [WHY]
+  if [ "$2" -eq 0 ]; then echo "ok $1"; else echo "  ${3:-}"; echo "FAIL $1"; fails=1; fi
+}
+
+# A user who presses a finger onto the table and stays there.
+cat > "$tmp/press.user" <<'END'
+posture flat thumb_abduction 40
+posture press like flat index_mpj 60
+at 0.0 posture flat wrist -0.3 0 0.06 0 0 0 dead_man off
+at 0.1 dead_man on
+at 0.4 posture press
+end 30
+END
+press=sim:$tmp/press.user
+printf '(0.000000) can0 110##1zz\n' > "$tmp/broken.log"
+printf '(0.000000) can0 123#00\n' > "$tmp/empty.log"
+
+# refused NAME WORD OPTION...: exit 2, nothing on stdout, one line on stderr that contains WORD and advice.
+refused() {
+  name=refused_$1 word=$2; shift 2
+  timeout 10 "$gloved" "$@" > "$tmp/out" 2> "$tmp/err"; code=$?
+  lines=$(wc -l < "$tmp/err")
+  [ "$code" -eq 2 ] && [ "$lines" -eq 1 ] && [ ! -s "$tmp/out" ] && grep -qF -e "$word" "$tmp/err" && grep -q '[;(]' "$tmp/err"
+  verdict "$name" $? "exit $code, $lines lines: $(cat "$tmp/err")"
+}
+refused unknown_option --bogus --bogus
+refused stray_word stray stray
+refused missing_value --scene --scene
+refused value_that_is_an_option --scene --scene --check
+refused rate_word '"fast"' --rate fast
+refused rate_low '5 ' --rate 5
+refused rate_high 20000 --rate 20000
+refused rate_not_a_number nan --rate nan
+refused rate_trailing 1000x --rate 1000x
+refused duration_zero '--duration 0' --duration 0
+refused duration_negative '-3' --duration -3
+refused duration_infinite inf --duration inf
+refused config_missing "$tmp/no.conf" --config "$tmp/no.conf"
+refused scene_missing "$tmp/no.scene" --scene "$tmp/no.scene"
+refused scene_directory "$tmp" --scene "$tmp"
+refused fcu_kind gopher: --fcu gopher:x
+refused fcu_empty --fcu --fcu ''
+refused fcu_can 'not built yet' --fcu can:can0
+refused fcu_serial 'not built yet' --fcu 'serial:/dev/null?type=cyberglove'
+refused tracker 'not built yet' --tracker 'serial:/dev/null?type=fastrak'
+refused trace_missing "$tmp/no.log" --fcu "trace:$tmp/no.log"
+refused trace_broken "$tmp/broken.log:1" --fcu "trace:$tmp/broken.log"
+refused trace_without_glove "$tmp/empty.log" --fcu "trace:$tmp/empty.log"
+refused trace_speed speed --fcu "trace:$tmp/empty.log?speed=7"
+refused sim_script "$tmp/no.user" --fcu "sim:$tmp/no.user"
+refused sim_setting bogus --fcu "sim:$tmp/press.user?bogus=1"
+refused udp_port listen --fcu 'udp://127.0.0.1:5000'
+refused lcm_provider bogus://x --fcu "$press" --lcm bogus://x
+refused lcm_port 99999 --fcu "$press" --lcm 'udpm://239.255.76.67:99999'
+refused log_place "$tmp/no/x.lcm" --fcu "$press" --lcm none --log "$tmp/no/x.lcm"
+refused summary_place "$tmp/no/x.json" --fcu "$press" --lcm none --summary "$tmp/no/x.json"
+
+"$gloved" --help > "$tmp/help"; code=$?
+for option in --config --scene --fcu --tracker --rate --duration --lcm --log --summary --no-rt --check --help --version; do
+  grep -q -e "$option" "$tmp/help" || code=1
+done
+verdict help_names_every_option $code "$(cat "$tmp/help")"
+"$gloved" --version | grep -qE '^gloved [0-9]+\.[0-9]+'; verdict version $?
+
+"$gloved" --check --fcu "$press" --lcm none --summary "$tmp/check.json" > "$tmp/out" 2> "$tmp/err"; code=$?
+[ "$code" -eq 0 ] && [ ! -s "$tmp/err" ] && [ ! -e "$tmp/check.json" ] && grep -q 'box.scene; 2 objects' "$tmp/out" && ! grep -q steps "$tmp/out"
+verdict check_says_what_it_found $? "exit $code: $(cat "$tmp/out" "$tmp/err")"
+
+printf 'version = 1;\nrate_hz = 500.0;\nlcm = "none";\n' > "$tmp/rate.conf"
+"$gloved" --config "$tmp/rate.conf" --check --fcu "$press" > "$tmp/out" 2>&1 && grep -q ' 500 Hz, step 2 ms' "$tmp/out"
+verdict config_over_defaults $? "$(cat "$tmp/out")"
+"$gloved" --config "$tmp/rate.conf" --rate 2000 --check --fcu "$press" > "$tmp/out" 2>&1 && grep -q '2000 Hz, step 0.5 ms' "$tmp/out"
+verdict command_line_over_config $? "$(cat "$tmp/out")"
+
+"$gloved" --fcu "$press?speed=0" --lcm none --duration 0.5 --summary "$tmp/free.json" > "$tmp/out" 2> "$tmp/err"; code=$?
+python3 - "$tmp/free.json" <<'END' > "$tmp/why" 2>&1
+import json, math, re, sys
+s = json.load(open(sys.argv[1]))
+assert s["steps"] == 500, s["steps"]
+assert re.fullmatch("[0-9a-f]{16}", s["state_hash"]), s["state_hash"]
+for key in ("missed_deadlines", "overruns", "contacts_max", "contacts_dropped", "rt_heap_calls"):
+    assert isinstance(s[key], int) and s[key] >= 0, key
+assert s["rt_heap_calls"] == 0 and s["rt_page_faults"] == {"major": 0, "minor": 0}, s["rt_page_faults"]
+for key in ("step_us", "wake_us"):
+    q = s[key]
+    assert set(q) == {"p50", "p99", "p999", "max"} and q["p50"] <= q["p99"] <= q["p999"] <= q["max"], q
+assert 0 < s["step_us"]["p50"] and 0 <= s["depth_max_m"] < 0.1
+assert len(s["force_max_n"]) == 5 and s["force_max_n"][1] > 0.1, s["force_max_n"]
+assert {"rx", "tx", "lost", "bad", "late"} <= set(s["frames"]) and s["frames"]["rx"] > 500
+assert s["state"] == "active" and s["exit_reason"] == "duration", (s["state"], s["exit_reason"])
+box = {o["name"]: o for o in s["objects"]}["box"]
+assert max(abs(a - b) for a, b in zip(box["position"], [0, 0, 0.04])) < 1e-3, box
+assert abs(math.hypot(*box["quaternion"]) - 1) < 1e-12
+END
+verdict summary_has_every_key $((code || $?)) "exit $code: $(cat "$tmp/why" "$tmp/err")"
+[ ! -s "$tmp/err" ] && grep -q 'state hash' "$tmp/out" && ! grep -q 'hand placed' "$tmp/out"
+verdict free_replay_prints_the_summary_alone $? "$(cat "$tmp/out" "$tmp/err")"
+
+"$gloved" --fcu "$press" --lcm none --duration 0.5 --summary "$tmp/paced.json" > /dev/null 2>&1
+"$gloved" --fcu "$press" --lcm none --duration 0.5 --no-rt --summary "$tmp/no-rt.json" > /dev/null 2>&1
+hashes=$(grep -h state_hash "$tmp/free.json" "$tmp/paced.json" "$tmp/no-rt.json" | sort -u | wc -l)
+[ "$hashes" -eq 1 ]; verdict hash_knows_no_clock $? "$(grep -h state_hash "$tmp"/*.json)"
+
+"$gloved" --fcu "$press" --lcm none --summary "$tmp/term.json" > "$tmp/out" 2> "$tmp/err" & pid=$!
+for i in $(seq 100); do grep -q 'armed -> active' "$tmp/out" && break; sleep 0.05; done
+sleep 0.2; kill -TERM "$pid"; wait "$pid"; code=$?
+python3 - "$tmp/term.json" <<'END' > "$tmp/why" 2>&1
+import json, sys
+s = json.load(open(sys.argv[1]))
+assert s["exit_reason"] == "signal" and s["state"] == "active", (s["exit_reason"], s["state"])
+assert s["force_max_n"][1] > 0.1 and s["force_final_n"] == [0, 0, 0, 0, 0], (s["force_max_n"], s["force_final_n"])
+assert s["frames"]["tx"] >= s["steps"] + 3
+END
+verdict sigterm_ends_with_zero_force $((code || $?)) "exit $code: $(cat "$tmp/why" "$tmp/err" "$tmp/out")"
+exit $fails
