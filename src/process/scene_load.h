@@ -9,7 +9,7 @@
 #include "gloved/scene.h"
 
 // Reads and checks the scene; what it points to lies in the arena (box, frame: under 16 kB; the largest scene
-// allowed: about 32 MB). 0, or negative with one line (file, line, what, what to do) in err.
+// allowed: about 12 MB). 0, or negative with one line (file, line, what, what to do) in err.
 // Set-up only: reads a file, takes temporary memory from the heap.
 int gv_scene_load(const char *path, gv_arena *arena, gv_scene *out, char *err, size_t err_size);
 
