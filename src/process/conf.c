@@ -270,7 +270,8 @@ static double number_value(const config_setting_t *setting) {
 }
 
 static bool read_number(gv_conf_node node, const char *what, double min, double max, double *out) {
-  if (!is_number(node.setting)) return gv_conf_fail(node, "%s is no number; give one from %g to %g, without quotes", what, min, max);
+  if (!is_number(node.setting))
+    return gv_conf_fail(node, "%s is no number; give one from %g to %g, without quotes", what, min, max);
   double value = number_value(node.setting);
   if (!isfinite(value)) return gv_conf_fail(node, "%s is not finite; give a number from %g to %g", what, min, max);
   if (value < min || value > max)

@@ -103,7 +103,7 @@ static void read_receiver(gv_conf_group *root, gv_pose *out) {
   if (gv_conf_numbers(&receiver, "orientation", -1.001, 1.001, 4, "the quaternion [w, x, y, z]", q)) {
     double length = sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]);
     if (fabs(length - 1) > 1e-3)
-      gv_conf_fail(gv_conf_find(&receiver, "orientation"), "the quaternion has length %.4g; scale it to length 1", length);
+      gv_conf_fail(gv_conf_find(&receiver, "orientation"), "the quaternion has length %.4g; scale it to 1", length);
     out->q = gv_quat_normalize((gv_quat){q[0], q[1], q[2], q[3]});
   }
   gv_conf_leave(&receiver);
@@ -136,7 +136,8 @@ static void read_coupling(gv_conf_group *root, gv_config *out) {
   gv_conf_group coupling;
   if (!gv_conf_enter(root, "coupling", &coupling)) return;
   int law;
-  if (gv_conf_choice(&coupling, "rotation_law", laws, &law)) out->rotation_law = law ? GV_ROTATION_PAPER : GV_ROTATION_LOG;
+  if (gv_conf_choice(&coupling, "rotation_law", laws, &law))
+    out->rotation_law = law ? GV_ROTATION_PAPER : GV_ROTATION_LOG;
   gv_conf_bool(&coupling, "limb_gravity", &out->limb_gravity);
   read_spring(&coupling, "limb", &out->limb_mass_kg, &out->limb);
   read_spring(&coupling, "palm", &out->palm_mass_kg, &out->palm);

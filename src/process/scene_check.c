@@ -77,8 +77,8 @@ static bool check_flips(const gv_mesh *mesh, const uint8_t *flips, gv_mesh_fault
     if (flips[t] > flips[worst]) worst = t;
   if (!flips[worst]) return true;
   const uint32_t *v = mesh->triangle[worst].v;
-  return find_fault(out, worst, -1, "triangle %d is flipped against its neighbours; write [%u, %u, %u]", worst, v[0], v[2],
-                    v[1]);
+  return find_fault(out, worst, -1, "triangle %d is flipped against its neighbours; write [%u, %u, %u]", worst, v[0],
+                    v[2], v[1]);
 }
 
 static bool check_areas(const gv_mesh *mesh, gv_mesh_fault *out) {
@@ -97,7 +97,8 @@ static bool check_used(const gv_mesh *mesh, uint8_t *used, gv_mesh_fault *out) {
     for (int k = 0; k < 3; k++) used[mesh->triangle[t].v[k]] = 1;
   for (int v = 0; v < mesh->vertex_count; v++)
     if (!used[v])
-      return find_fault(out, -1, -1, "vertex %d belongs to no triangle; remove it (a piece may have points of its own)", v);
+      return find_fault(out, -1, -1, "vertex %d belongs to no triangle; remove it (pieces may have points of their own)",
+                        v);
   return true;
 }
 
@@ -140,15 +141,17 @@ static double outside_pieces(gv_vec3 p, const gv_hull *piece, int piece_count) {
   return least;
 }
 
-static bool check_mesh_covered(const gv_mesh *mesh, const gv_hull *piece, int piece_count, double fit_m, gv_mesh_fault *out) {
+static bool check_mesh_covered(const gv_mesh *mesh, const gv_hull *piece, int piece_count, double fit_m,
+                               gv_mesh_fault *out) {
   for (int t = 0; t < mesh->triangle_count; t++) {
     gv_vec3 a = corner(mesh, t, 0), b = corner(mesh, t, 1), c = corner(mesh, t, 2);
     gv_vec3 probe[4] = {a, b, c, gv_scale(gv_add(gv_add(a, b), c), 1.0 / 3)};
     for (int k = 0; k < 4; k++) {
       double gap = outside_pieces(probe[k], piece, piece_count);
       if (gap <= fit_m) continue;
-      return find_fault(out, t, -1, "the %s (%g, %g, %g) of triangle %d lies %.3g mm outside of every piece; add or enlarge a "
-                        "piece there", k < 3 ? "corner" : "middle", probe[k].x, probe[k].y, probe[k].z, t, gap * 1e3);
+      return find_fault(out, t, -1, "the %s (%g, %g, %g) of triangle %d lies %.3g mm outside of every piece; add or "
+                        "enlarge a piece there", k < 3 ? "corner" : "middle", probe[k].x, probe[k].y, probe[k].z, t,
+                        gap * 1e3);
     }
   }
   return true;
@@ -193,14 +196,15 @@ static double outside_mesh(const gv_mesh *mesh, gv_vec3 p, double fit_m) {
   return turns > 0.5 ? 0 : nearest;
 }
 
-static bool check_pieces_inside(const gv_mesh *mesh, const gv_hull *piece, int piece_count, double fit_m, gv_mesh_fault *out) {
+static bool check_pieces_inside(const gv_mesh *mesh, const gv_hull *piece, int piece_count, double fit_m,
+                                gv_mesh_fault *out) {
   for (int i = 0; i < piece_count; i++)
     for (int v = 0; v < piece[i].vertex_count; v++) {
       gv_vec3 p = piece[i].vertex[v];
       double gap = outside_mesh(mesh, p, fit_m);
       if (gap > 0)
-        return find_fault(out, -1, i, "the corner (%g, %g, %g) of piece %d sticks out of the mesh by %.3g mm; move it", p.x,
-                          p.y, p.z, i, gap * 1e3);
+        return find_fault(out, -1, i, "the corner (%g, %g, %g) of piece %d sticks out of the mesh by %.3g mm; move it",
+                          p.x, p.y, p.z, i, gap * 1e3);
     }
   return true;
 }

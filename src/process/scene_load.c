@@ -129,16 +129,18 @@ static gv_quat read_rotation(gv_conf_group *group) {
   double q[4], deg[3];
   gv_conf_node orientation = gv_conf_find(group, "orientation");
   bool angles = gv_conf_numbers(group, "rotation", -360, 360, 3, "[about x, then y, then z] in degrees", deg);
-  if (angles && gv_conf_has(orientation)) gv_conf_fail(orientation, "'orientation' beside 'rotation'; give one of the two");
+  if (angles && gv_conf_has(orientation))
+    gv_conf_fail(orientation, "'orientation' beside 'rotation'; give one of the two");
   if (angles) {
     double rad = GV_PI / 180;
     gv_quat x = gv_quat_axis_angle(gv_v3(1, 0, 0), deg[0] * rad), y = gv_quat_axis_angle(gv_v3(0, 1, 0), deg[1] * rad);
     return gv_quat_mul(gv_quat_axis_angle(gv_v3(0, 0, 1), deg[2] * rad), gv_quat_mul(y, x));
   }
-  if (!gv_conf_numbers(group, "orientation", -1.001, 1.001, 4, "the quaternion [w, x, y, z]", q)) return gv_quat_identity();
+  if (!gv_conf_numbers(group, "orientation", -1.001, 1.001, 4, "the quaternion [w, x, y, z]", q))
+    return gv_quat_identity();
   double length = sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]);
   if (fabs(length - 1) > 1e-3)
-    gv_conf_fail(orientation, "the quaternion has length %.4g; scale it to length 1, or give 'rotation' in degrees", length);
+    gv_conf_fail(orientation, "the quaternion has length %.4g; scale it to 1, or give 'rotation' in degrees", length);
   return gv_quat_normalize((gv_quat){q[0], q[1], q[2], q[3]});
 }
 
@@ -215,7 +217,8 @@ static int read_piece(const source *src, int i, const gv_vec3 *vertex, gv_vec3 p
   gv_conf_node node = gv_conf_entry(src->pieces, i);
   int length = gv_conf_length(node);
   if (length > GV_MAX_HULL_VERTICES)
-    gv_conf_fail(node, "piece %d has %d points; at most %d (GV_MAX_HULL_VERTICES): split it", i, length, GV_MAX_HULL_VERTICES);
+    gv_conf_fail(node, "piece %d has %d points; at most %d (GV_MAX_HULL_VERTICES): split it", i, length,
+                 GV_MAX_HULL_VERTICES);
   for (int k = 0; k < length && !node.conf->failed; k++) {
     gv_conf_node entry = gv_conf_entry(node, k);
     int index = 0;
