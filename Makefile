@@ -44,6 +44,15 @@ test: build/.test-packages build/venv/.done
 ## all: build the daemon, the tools and the tests
 all: $(patsubst src/process/main.c,$(B)/gloved,$(wildcard src/process/main.c)) $(TOOLS:%=$(B)/%) $(TESTS:%=$(B)/test/%)
 
+## golden: write the traces' golden hashes anew (then say in the commit why they changed)
+golden: $(B)/test/test_replay
+	$(Q)$< --update
+
+## traces: record every trace anew through the wire, in real time, and their golden hashes
+traces: $(B)/gloved $(B)/fcusim
+	$(Q)for t in data/traces/*/; do B=$(B) tools/record-trace $$(basename $$t) || exit 1; done
+	$(Q)$(MAKE) --no-print-directory golden
+
 ## layers: check that no include or call crosses a wall (also part of the tests)
 layers:
 	$(Q)sh test/test_layers.sh
@@ -94,5 +103,5 @@ clean:
 help:
 	@sed -n 's/^## //p' $(MAKEFILE_LIST)
 
-.PHONY: run test all layers clean help
+.PHONY: run test all golden traces layers clean help
 -include $(shell find $(B) -name '*.d' 2>/dev/null)

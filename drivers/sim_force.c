@@ -71,6 +71,8 @@ void gv_sim_receive(gv_sim *sim, const gv_frame *frame) {
   else accept_command(sim, &msg, tension_n);
 }
 
+// The tension goes to zero, but command_n stays: the engine has not lowered it, so it is what the next
+// command's rise is judged by; pull_tendons brings the tension back slowly.
 static void check_watchdog(gv_sim *sim) {
   double silent_s = 1e-9 * (double)(sim->now_ns - sim->command_ns);
   if (sim->watchdog || silent_s < sim->device.watchdog_s) return;
@@ -78,7 +80,6 @@ static void check_watchdog(gv_sim *sim) {
   sim->status_due = true;
   sim->report.watchdog_trips++;
   sim->report.zero_after_s = fmax(sim->report.zero_after_s, silent_s);
-  memset(sim->command_n, 0, sizeof sim->command_n);
 }
 
 // Up no faster than the slew limit (after the watchdog or the switch let go), down at once.
