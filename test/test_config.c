@@ -220,10 +220,13 @@ static void test_wrong_settings_are_refused(void) {
 }
 
 #define S V "sensors = {\n"
+#define R(name) name " = { raw = [0, 9]; deg = [0, 90]; };\n"
 static const mistake calibration_mistakes[] = {
   {V, ": ", "'sensors' is missing"},
   {S "};\n", ":2: ", "'thumb_rotate' is missing"},
   {S "thumb_rotat = { raw = [0, 1]; deg = [0, 90]; };\n};\n", ":3: ", "did you mean 'thumb_rotate'"},
+  {S "thumb_mpj = { raw = [0, 9]; deg = [0, 90]; };\n};\n", ":2: ", "'thumb_rotate' is missing"},
+  {S R("thumb_rotate") R("thumb_mpj") R("thumb_ij") R("thumb_abduction") R("index_pij") "};\n", ":2: ", "'index_mpj' is missing"},
   {S "thumb_rotate = { raw = [5, 5]; deg = [0, 90]; };\n};\n", ":3: ", "two points of 'thumb_rotate' coincide"},
   {S "thumb_rotate = { raw = [5, 50]; deg = [90, 90]; };\n};\n", ":3: ", "coincide"},
   {S "thumb_rotate = { raw = [5, 50, 6]; deg = [0, 90]; };\n};\n", ":3: ", "'raw' has 3 numbers; write 2"},

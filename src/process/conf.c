@@ -212,33 +212,35 @@ static void refuse_unknown(gv_conf_group *group, gv_conf_node node, const char *
   else gv_conf_fail(node, "unknown setting '%s'; known here: %s", name, known);
 }
 
+static bool is_known(const gv_conf_group *group, const char *name) {
+  for (int k = 0; k < group->key_count; k++)
+    if (strcmp(name, group->key[k]) == 0) return true;
+  return false;
+}
+
 void gv_conf_leave(gv_conf_group *group) {
   gv_conf *conf = group->node.conf;
   if (conf->failed) return;
   for (int i = 0; i < config_setting_length(group->node.setting); i++) {
     const config_setting_t *child = config_setting_get_elem(group->node.setting, (unsigned)i);
     const char *name = config_setting_name(child);
-    bool known = false;
-    for (int k = 0; k < group->key_count; k++) known |= strcmp(name, group->key[k]) == 0;
-    if (!known) { refuse_unknown(group, (gv_conf_node){conf, child}, name); return; }
+    if (!is_known(group, name)) { refuse_unknown(group, (gv_conf_node){conf, child}, name); return; }
   }
 }
 
 gv_conf_node gv_conf_find(gv_conf_group *group, const char *key) {
   gv_conf *conf = group->node.conf;
   if (conf->failed || !group->node.setting) return (gv_conf_node){conf, NULL};
-  bool known = false;
-  for (int k = 0; k < group->key_count; k++) known |= strcmp(key, group->key[k]) == 0;
-  if (!known && group->key_count < GV_CONF_KEYS) group->key[group->key_count++] = key;
+  if (!is_known(group, key) && group->key_count < GV_CONF_KEYS) group->key[group->key_count++] = key;
   return (gv_conf_node){conf, config_setting_get_member(group->node.setting, key)};
 }
 
 // A misspelt key is the likelier mistake than a missing one, but it is only known once all keys were asked
-// for: so the nearest stranger in the group is named here.
+// for: so the nearest stranger (no key asked for up to here) in the group is named.
 static const char *find_misspelt(const gv_conf_group *group, const char *key) {
   for (int i = 0; i < config_setting_length(group->node.setting); i++) {
     const char *name = config_setting_name(config_setting_get_elem(group->node.setting, (unsigned)i));
-    if (word_distance(name, key) <= 1 + (strlen(key) > 5)) return name;
+    if (!is_known(group, name) && word_distance(name, key) <= 1 + (strlen(key) > 5)) return name;
   }
   return NULL;
 }

@@ -291,6 +291,7 @@ int gv_calibration_load(const char *path, gv_calibration *out, char *err, size_t
   gv_conf_group root = gv_conf_root(&conf), sensors;
   gv_conf_need(&root, "sensors", "sensors = { thumb_rotate = { raw = [a, b]; deg = [a, b]; }; ... };");
   if (gv_conf_enter(&root, "sensors", &sensors)) {
+    for (int i = 0; i < GV_SENSORS; i++) gv_conf_find(&sensors, gv_sensor_name(i)); // all are known by now
     for (int i = 0; i < GV_SENSORS; i++) read_sensor(&sensors, i, &cal);
     gv_conf_leave(&sensors);
   }
