@@ -57,12 +57,24 @@ traces: $(B)/gloved $(B)/fcusim
 layers:
 	$(Q)sh test/test_layers.sh
 
+## fuzz: feed random bytes to what reads the wire and the logs, 20 s each (clang)
+fuzz: $(patsubst test/%.c,build/fuzz/%,$(wildcard test/fuzz_*.c))
+	$(Q)for f in $^; do mkdir -p $$f.corpus; \
+	  $$f -max_total_time=20 -max_len=1600 -print_final_stats=1 -artifact_prefix=$$f. $$f.corpus >$$f.log 2>&1 || { tail -n 40 $$f.log; exit 1; }; \
+	  echo "$$f: $$(sed -n 's/.*executed_units: *//p' $$f.log) inputs, no fault"; done
+build/fuzz/%: test/%.c $(addprefix drivers/,fcu.c frame.c cannelloni.c candump.c) | build/.fuzz-packages
+	@mkdir -p $(@D)
+	$(Q)clang $(WARN) -O1 -g -fsanitize=fuzzer,address,undefined -fno-sanitize-recover=all -D_GNU_SOURCE -Iinclude $^ -lm -o $@
+
 # What the build and the tests need, from Debian by name.
 build/.run-packages:
 	$(Q)tools/packages $(RUN_PACKAGES)
 	@mkdir -p build && touch $@
 build/.test-packages: build/.run-packages
 	$(Q)tools/packages $(TEST_PACKAGES)
+	@touch $@
+build/.fuzz-packages: build/.run-packages
+	$(Q)tools/packages clang libclang-rt-dev
 	@touch $@
 # What the tests in Python check against: the frame database and logs as other people's tools read them.
 build/venv/.done: build/.test-packages
@@ -103,5 +115,5 @@ clean:
 help:
 	@sed -n 's/^## //p' $(MAKEFILE_LIST)
 
-.PHONY: run test all golden traces layers clean help
+.PHONY: run test all golden traces layers fuzz clean help
 -include $(shell find $(B) -name '*.d' 2>/dev/null)

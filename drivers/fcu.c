@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // Codec of the force control unit's four frames, as laid out in fcu.h and data/gloved.dbc: structs to
-// bytes and back. Pure, any thread; encoding or decoding one frame takes 0.1 to 0.3 us, most of it the checksum.
+// bytes and back. Pure, any thread; encoding or decoding one frame takes about 0.3 us, most of it the checksum.
 #include "gloved/fcu.h"
 
 #include <string.h>

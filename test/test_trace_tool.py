@@ -243,10 +243,11 @@ def test_bad_input_gets_one_line_and_exit_2():
     good = path("good.csv", "t_s,index_mpj\n0,0\n1,1\n")
     bad_tables = {"": "empty", "a,b\n1,2\n": ":1: no column t_s", "t_s\n0\n": ":1: no column of a sensor", "t_s,index_mpj\n": "no row", "t_s,index_mpj\n0\n": ":2: fewer cells",
                   "t_s,index_mpj\n0,0,0\n": ":2: more cells", "t_s,index_mpj\n0,nan\n": ":2: a cell", "t_s,index_mpj\n0,1\n0,1\n": ":3: t_s does not rise", "t_s,index_mpj\n0,inf\n": ":2:",
-                  "t_s,index_mpj\n0,1x\n": ":2: a cell", "t_s,index_mpj,index_mpj\n0,1,2\n": ":1: two columns", "t_s,index_mpj,px\n0,1,2\n": ":1: a position",
+                  "t_s,index_mpj\n0,1x\n": ":2: a cell",
+                  "t_s,index_mpj\n0,1\n1e300,1\n": ":3: t_s is more", "t_s,index_mpj,px,py,pz\n0,1,0,0,-1e3\n": ":2: a position", "t_s,index_mpj,index_mpj\n0,1,2\n": ":1: two columns", "t_s,index_mpj,px\n0,1,2\n": ":1: a position",
                   "t_s,index_mpj,qw,qx,qy,qz\n0,0,1,1,0,0\n": ":2: qw", "t_s,index_mpj\n0," + "1" * 5000 + "\n": ":2: a line of more", "t_s," + ",".join(f"c{i}" for i in range(70)) + "\n": ":1: more than 64"}
     bad_wrists = {"": "not complete", "1 0 0 0\n0 1 0 0\n0 0 1 0\n": "not complete", "1 0 0 0\n0 1 0\n": ":2: not four", "2 0 0 0\n0 1 0 0\n0 0 1 0\n0 0 0 1\n": ":4: the matrix",
-                  "1 0 0 0\n0 1 0 0\n0 0 -1 0\n0 0 0 1\n": ":4: the matrix", "1 0 0 0\n0 1 0 0\n0 0 1 0\n0 0 0 2\n": ":4:", "1 0 0 nan\n": ":1: not four"}
+                  "1 0 0 0\n0 1 0 0\n0 0 -1 0\n0 0 0 1\n": ":4: the matrix", "1 0 0 0\n0 1 0 0\n0 0 1 0\n0 0 0 2\n": ":4:", "1 0 0 nan\n": ":1: not four", "1 0 0 999\n0 1 0 0\n0 0 1 0\n0 0 0 1\n": ":4: a position"}
     cases = [(["import", path("t.csv"), "-o", path("x.log")], words, text, path("t.csv")) for text, words in bad_tables.items()]
     cases += [(["import", good, "-o", path("x.log"), "--wrist", path("w.traj")], words, text, path("w.traj")) for text, words in bad_wrists.items()]
     cases += [(words.split(), needle, None, None) for words, needle in (

@@ -20,7 +20,8 @@ int gv_cannelloni_unpack(const uint8_t *data, size_t size, uint8_t *out_seq, gv_
 // poll are CLOCK_MONOTONIC; a frame's stamp is when the kernel received it, never after now_ns. On error
 // returns negative and writes one line (what, what to do) to err. `lost` counts datagrams missing in the
 // peer's sequence; a peer that starts anew (silence over 250 ms, or sequence 0 after a gap over 16) counts as
-// no loss, one that steps back (doubled or swapped on the way) neither. Cost of a poll with one datagram: one system call, 2 to 4 us.
+// no loss, one that steps back (doubled or swapped on the way) neither.
+// Cost: a poll with one datagram 1.6 us, an empty one 0.6 us, a send 3.7 us (one system call each).
 int gv_udp_open(const char *url, gv_driver *out, char *err, size_t err_size);
 
 // ---- candump -L text ------------------------------------------------------------------------------

@@ -10,7 +10,7 @@
 
 #include "trace.h"
 
-enum { LINE_MAX_BYTES = 4096, COLUMNS = 64 };
+enum { LINE_MAX_BYTES = 4096, COLUMNS = 64, SPAN_MAX_S = 1000000 };
 // What a row of the CSV is made into: the sensors, then these.
 enum { PX = GV_SENSORS, QW = PX + 3, TIME = QW + 4, ARM_X, FIELDS = ARM_X + 3 };
 
@@ -180,9 +180,14 @@ static gv_quat field_rotation(const table *t, const double field[FIELDS]) {
   return gv_quat_mul(gv_quat_mul(x, y), gv_quat_axis_angle(gv_v3(0, 0, 1), field[ARM_X + 2]));
 }
 
+// The wire carries positions up to 214 m: more than 200 is another unit or a slip.
+static bool position_far(const double p[3]) { return fabs(p[0]) > 200 || fabs(p[1]) > 200 || fabs(p[2]) > 200; }
+
 static int add_row(const table *t, const double field[FIELDS], double start_s, series *hand, series *pose) {
   double time_s = field[TIME] - start_s;
   if (hand->count > 0 && time_s <= series_row(hand, hand->count - 1)[0]) return fail_line(t, "t_s does not rise", "put the rows in order of time, one per time");
+  if (time_s > SPAN_MAX_S) return fail_line(t, "t_s is more than 1e6 s after the first row", "give seconds");
+  if (position_far(field + PX)) return fail_line(t, "a position beyond 200 m", "give metres");
   gv_quat q = field_rotation(t, field);
   if (fabs(sqrt(q.w * q.w + q.x * q.x + q.y * q.y + q.z * q.z) - 1) > 0.01) return fail_line(t, "qw qx qy qz is no unit quaternion", "give one of length 1");
   q = gv_quat_normalize(q);
@@ -259,6 +264,7 @@ static int read_matrices(table *t, double rate_hz, series *pose) {
     gv_quat q = quat_from_matrix(m);
     if (!matrix_rigid(m, q)) return fail_line(t, "the matrix that ends here is no rotation and position", "give rows R p and a last row 0 0 0 1");
     const double values[POSE_WIDTH] = {(double)pose->count / rate_hz, m[3], m[7], m[11], q.w, q.x, q.y, q.z};
+    if (position_far(values + 1)) return fail_line(t, "a position beyond 200 m in the matrix that ends here", "give metres");
     memcpy(series_add(pose), values, sizeof values);
   }
 }
