@@ -117,7 +117,7 @@ void gv_summary_print(const gv_summary *s, FILE *out) {
   const gv_session *session = loop->session;
   const gv_counters *c = gv_engine_counters(session->engine);
   const gv_quantiles step = gv_histogram_quantiles(&loop->step), wake = gv_histogram_quantiles(&loop->wake);
-  fprintf(out, "gloved: %s: %" PRIu64 " steps of %g ms; ended by %s, safety machine in %s%s%s\n", s->title, c->steps,
+  fprintf(out, "gloved: %s: %" PRIu64 " steps of %g ms; ended (%s) with the safety machine in %s%s%s\n", s->title, c->steps,
           session->cfg.period_s * 1e3, gv_exit_name(s->reason), gv_safety_name(loop->state_before_stop),
           session->faults_seen ? "; faults on the way: " : "", session->faults_seen ? gv_fault_text(session->faults_seen) : "");
   print_objects(s, out);

@@ -74,12 +74,10 @@ static void put_objects(screen *out, gv_view *view, const gv_snapshot *s) {
     if (view->screens == 0) view->start_height_m[i] = T_world_object.p.z;
     const double slip_m = view->screens < GV_VIEW_HISTORY ? 0.0 : gv_norm(gv_sub(T_palm_object.p, now[i].p));
     now[i] = T_palm_object;
-    if (in_hand(s, i))
-      put_line(out, "%-16.16s lifted %7.1f mm   in the hand, moved %.3f mm in it in the last second",
-               view->scene->object[i].name, (T_world_object.p.z - view->start_height_m[i]) * 1e3, slip_m * 1e3);
-    else
-      put_line(out, "%-16.16s lifted %7.1f mm", view->scene->object[i].name,
-               (T_world_object.p.z - view->start_height_m[i]) * 1e3);
+    char held[64] = "";
+    if (in_hand(s, i)) snprintf(held, sizeof held, "touched, moved %.3f mm in the hand in 1 s", slip_m * 1e3);
+    put_line(out, "%-16.16s lifted %7.1f mm   %s", view->scene->object[i].name,
+             (T_world_object.p.z - view->start_height_m[i]) * 1e3, held);
   }
 }
 
