@@ -110,6 +110,10 @@ verdict free_replay_prints_the_summary_alone $? "$(cat "$tmp/out" "$tmp/err")"
 hashes=$(grep -h state_hash "$tmp/free.json" "$tmp/paced.json" "$tmp/no-rt.json" | sort -u | wc -l)
 [ "$hashes" -eq 1 ]; verdict hash_knows_no_clock $? "$(grep -h state_hash "$tmp"/*.json)"
 
+"$gloved" --fcu "$press?glove_hz_min=12&glove_hz_max=12&speed=0" --lcm none --duration 0.5 --summary "$tmp/fault.json" > "$tmp/out" 2> "$tmp/err"; code=$?
+[ "$code" -eq 1 ] && grep -q 'fault: glove data too old' "$tmp/err" && grep -q '"exit_reason": "fault"' "$tmp/fault.json" && grep -qF '"force_final_n": [0, 0, 0, 0, 0]' "$tmp/fault.json"
+verdict fault_is_exit_code_1 $? "exit $code: $(cat "$tmp/err" "$tmp/out")"
+
 "$gloved" --fcu "$press" --lcm none --summary "$tmp/term.json" > "$tmp/out" 2> "$tmp/err" & pid=$!
 for i in $(seq 100); do grep -q 'armed -> active' "$tmp/out" && break; sleep 0.05; done
 sleep 0.2; kill -TERM "$pid"; wait "$pid"; code=$?

@@ -10,7 +10,7 @@
 // From now on (on) heap calls of the calling thread count; off ends it. Cost: one store.
 void gv_heap_watch(bool on);
 // Heap calls (malloc, calloc, realloc, free of a block, aligned variants) of the calling thread while
-// it watched. Never goes back.
+// it watched. Never goes back. Always 0 under an address or thread sanitizer.
 uint64_t gv_heap_calls(void);
 
 #endif

@@ -73,6 +73,10 @@ static void report_events(gv_loop *loop) {
   for (uint32_t rest = session->result.events; rest; rest &= rest - 1)
     if (may_report(loop, __builtin_ctz(rest))) push_record(loop, GV_RECORD_ENGINE, rest & (~rest + 1));
   if (loop->overruns_now && may_report(loop, REPORT_OVERRUN)) push_record(loop, GV_RECORD_OVERRUN, loop->overruns_now);
+  if (session->other_hand && !loop->other_hand_reported) {
+    push_record(loop, GV_RECORD_OTHER_HAND, 0);
+    loop->other_hand_reported = true;
+  }
   if (session->safety.state == loop->state_reported) return;
   push_record(loop, GV_RECORD_STATE, session->safety.faults);
   loop->state_reported = session->safety.state;

@@ -60,6 +60,7 @@ typedef struct gv_loop {
   int64_t now_ns;                    // session time of this step
   uint32_t events;                   // engine events since the last snapshot
   gv_safety_state state_reported;
+  bool other_hand_reported;
   int64_t next_report[32];           // step before which an engine event bit is not reported again; 31: overruns
   gv_frame frame[GV_LOOP_FRAMES];
   gv_snapshot snapshot_slot[GV_LOOP_SNAPSHOTS];

@@ -141,6 +141,7 @@ static int report(program *p) {
   const bool fault = p->loop.state_before_stop == GV_SAFETY_FAULT;
   const gv_summary summary = {.loop = &p->loop, .scene = &p->scene, .arena = &p->arena, .title = p->settings.fcu,
                               .reason = fault ? GV_EXIT_FAULT : (gv_exit)atomic_load(&p->loop.exit),
+                              .telemetry_failed = gv_telemetry_failed(p->telemetry),
                               .driver = p->driver.stats(p->driver.self)};
   gv_summary_print(&summary, stdout);
   if (fault) fprintf(stderr, "gloved: fault: %s; forces were brought to zero\n", gv_fault_text(p->loop.faults_before_stop));
@@ -157,7 +158,9 @@ static void say_what_was_found(const program *p) {
          p->settings.engine.step_s * 1e3);
   printf("scene      %s; %d objects, %d pieces, %d triangles\n", p->settings.scene, p->scene.object_count,
          p->scene.piece_count, p->scene.triangle_count);
-  printf("fcu        %s; %s\n", p->settings.fcu, pace[p->pace]);
+  printf("fcu        %s; %s", p->settings.fcu, pace[p->pace]);
+  if (strncmp(p->settings.fcu, "trace:", 6) == 0) printf(", %.3f s long", (double)gv_trace_length_ns(&p->driver) * 1e-9);
+  putchar('\n');
   printf("lcm        %s\n", p->settings.lcm);
   printf("memory     %.1f MB for scene and engine\n", (double)p->arena.used / 1e6);
   printf("all sound\n");

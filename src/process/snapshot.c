@@ -79,6 +79,7 @@ void gv_record_text(const gv_record *record, char out[GV_RECORD_TEXT]) {
       return;
     case GV_RECORD_ENGINE: snprintf(out, GV_RECORD_TEXT, "engine: %s", engine_event_text(record->bits)); return;
     case GV_RECORD_OVERRUN: snprintf(out, GV_RECORD_TEXT, "loop: %u periods skipped", record->bits); return;
+    case GV_RECORD_OTHER_HAND: snprintf(out, GV_RECORD_TEXT, "glove: made for the other hand; set hand.side in --config"); return;
   }
   snprintf(out, GV_RECORD_TEXT, "unknown record");
 }

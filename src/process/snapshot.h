@@ -45,7 +45,8 @@ typedef struct gv_snapshot {
 typedef enum gv_record_kind {
   GV_RECORD_STATE,    // the safety machine went from `from` to `to`, with its fault bits
   GV_RECORD_ENGINE,   // a gv_event bit came up (at most once a second each)
-  GV_RECORD_OVERRUN   // periods were skipped (at most once a second)
+  GV_RECORD_OVERRUN,  // periods were skipped (at most once a second)
+  GV_RECORD_OTHER_HAND // once: the glove is for the other hand than the configuration
 } gv_record_kind;
 
 typedef struct gv_record {

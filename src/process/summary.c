@@ -55,7 +55,11 @@ static void put_loop(FILE *out, const gv_loop *loop) {
   put_quantiles(out, "wake_us", &loop->wake);
   fprintf(out, "  \"rt_heap_calls\": %" PRIu64 ",\n  \"rt_page_faults\": {\"major\": %" PRId64 ", \"minor\": %" PRId64 "},\n",
           loop->heap_calls, loop->page_faults.major, loop->page_faults.minor);
-  fprintf(out, "  \"snapshots_dropped\": %" PRIu64 ",\n", gv_ring_dropped(&loop->snapshots));
+}
+
+static void put_telemetry(FILE *out, const gv_summary *s) {
+  fprintf(out, "  \"snapshots_dropped\": %" PRIu64 ",\n  \"telemetry_failed\": %" PRIu64 ",\n",
+          gv_ring_dropped(&s->loop->snapshots), s->telemetry_failed);
 }
 
 static void put_frames(FILE *out, const gv_frame_counters *f, const gv_driver_stats *d) {
@@ -93,6 +97,7 @@ int gv_summary_json(const gv_summary *s, FILE *out) {
   fputs(",\n", out);
   put_engine(out, session);
   put_loop(out, s->loop);
+  put_telemetry(out, s);
   put_frames(out, &session->frames, &s->driver);
   put_objects(out, session, s->scene);
   fputs("  \"force_final_n\": ", out);
@@ -131,5 +136,6 @@ void gv_summary_print(const gv_summary *s, FILE *out) {
           loop->page_faults.major + loop->page_faults.minor);
   fprintf(out, "  frames in %" PRIu64 ", out %" PRIu64 ", lost %" PRIu64 ", bad %" PRIu64 ", late %" PRIu64 "\n",
           session->frames.rx, session->frames.tx, session->frames.lost, session->frames.bad + s->driver.bad, session->frames.late);
+  if (s->telemetry_failed) fprintf(out, "  %" PRIu64 " messages were refused by LCM or the disk\n", s->telemetry_failed);
   fprintf(out, "  state hash %016" PRIx64 "\n", gv_engine_hash(session->engine));
 }

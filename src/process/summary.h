@@ -13,6 +13,7 @@ typedef struct gv_summary {
   const gv_scene *scene;
   gv_exit reason;            // fault: forces were brought to zero
   gv_driver_stats driver;
+  uint64_t telemetry_failed; // messages that LCM or the disk refused
   const gv_arena *arena;
   const char *title;         // what ran
 } gv_summary;

@@ -28,7 +28,10 @@ static double in_ms(double age_s) { return age_s < 99.0 ? age_s * 1e3 : 99000.0;
 static void put_head(screen *out, const gv_view *view, const gv_loop *loop, const gv_snapshot *s) {
   put_line(out, "gloved  %-8s %9.3f s  %4.0f Hz   %s", gv_safety_name(s->safety), s->time_s,
            1e9 / (double)loop->cfg.period_ns, view->title);
-  put_line(out, "%s", s->faults ? gv_fault_text(s->faults) : "");
+  if (s->faults) put_line(out, "%s; open the dead-man switch when it is mended", gv_fault_text(s->faults));
+  else if (s->safety == GV_SAFETY_WAIT) put_line(out, "waiting for%s%s", s->glove_seen ? "" : " the glove", s->hand_seen ? "" : " the tracker");
+  else if (s->safety == GV_SAFETY_READY) put_line(out, "close the dead-man switch, with no force on the hand, to feel it");
+  else put_line(out, "%s", "");
 }
 
 static void put_forces(screen *out, const gv_view *view, const gv_snapshot *s) {
