@@ -85,7 +85,9 @@ static const char *read_payload(const char *p, gv_frame *out, const char **why) 
     int wire_flags = hex_digit(p[1]);
     *why = "after ## a digit of flags must follow";
     if (wire_flags < 0) return NULL;
-    out->flags |= (uint8_t)(GV_FRAME_FD | (wire_flags & WIRE_BRS ? GV_FRAME_BRS : 0) | (wire_flags & WIRE_ESI ? GV_FRAME_ESI : 0));
+    out->flags |= GV_FRAME_FD;
+    if (wire_flags & WIRE_BRS) out->flags |= GV_FRAME_BRS;
+    if (wire_flags & WIRE_ESI) out->flags |= GV_FRAME_ESI;
     *why = "the data must be at most 64 bytes of two hexadecimal digits";
     p = read_data(p + 2, 64, out);
     if (p && gv_frame_fd_length(out->len) == out->len) return p;
@@ -109,9 +111,11 @@ int gv_log_parse(const char *line, gv_frame *out, char *err, size_t err_size) {
   if (!p) return refuse("it must open with a stamp like (1436509052.249713)", err, err_size);
   const char *iface = p = skip_space(p);
   while (*p && !is_space(*p)) p++;
-  if (p == iface || p - iface > IFACE_MAX || !*p) return refuse("after the stamp an interface name (1 to 15 characters) must follow", err, err_size);
+  if (p == iface || p - iface > IFACE_MAX || !*p)
+    return refuse("after the stamp an interface name (1 to 15 characters) must follow", err, err_size);
   p = read_id(skip_space(p), &frame);
-  if (!p) return refuse("the identifier must be 3 or 8 hexadecimal digits before #, at most 7FF or 1FFFFFFF", err, err_size);
+  if (!p)
+    return refuse("the identifier must be 3 or 8 hexadecimal digits before #, at most 7FF or 1FFFFFFF", err, err_size);
   p = read_payload(p, &frame, &why);
   if (!p) return refuse(why, err, err_size);
   if (*p && !is_space(*p)) return refuse("characters after the data that are none of it", err, err_size);

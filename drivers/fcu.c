@@ -171,7 +171,8 @@ gv_fcu_error gv_fcu_unpack_command(const gv_frame *frame, gv_command_msg *out) {
   if (error) return error;
   const uint8_t *d = frame->data;
   if (d[1] & ~1 || d[15] & 0xf0 || !all_zero(d + 18, 2)) return GV_FCU_WRONG_VALUE;
-  *out = (gv_command_msg){.counter = d[0], .flags = d[1], .sample_stamp_us = get_u32(d + 4), .age_us = 10u * get_u16(d + 16)};
+  *out = (gv_command_msg){.counter = d[0], .flags = d[1], .sample_stamp_us = get_u32(d + 4),
+                          .age_us = 10u * get_u16(d + 16)};
   for (int i = 0; i < GV_FINGERS; i++) out->tension_n[i] = get_12(d, COMMAND_BIT + FIELD_BITS * i) * GV_TENSION_LSB_N;
   return GV_FCU_OK;
 }

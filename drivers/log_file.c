@@ -49,7 +49,8 @@ static int read_line(gv_log *log, char line[GV_LOG_LINE_MAX + 3], bool *out_whol
     *out_whole = len > 0 && line[len - 1] == '\n';
     if (*out_whole) line[--len] = 0;
     if (len > 0 && line[len - 1] == '\r') line[--len] = 0;
-    if (len > GV_LOG_LINE_MAX) return refuse_line(log, "a line of more than 200 characters", "give a log as candump -L writes it", err, err_size);
+    if (len > GV_LOG_LINE_MAX)
+      return refuse_line(log, "a line of more than 200 characters", "give a log as candump -L writes it", err, err_size);
     if (line[0] != '#' && (len > 0 || !*out_whole)) return 1;
   }
 }
@@ -66,7 +67,8 @@ int gv_log_next(gv_log *log, gv_frame *out, char *err, size_t err_size) {
     return read_end(log, err, err_size);
   }
   if (log->last_ns - out->stamp_ns > step_back_max_ns)
-    return refuse_line(log, "the stamp is more than 10 ms before the line above", "give one recording per file, in order", err, err_size);
+    return refuse_line(log, "the stamp is more than 10 ms before the line above", "give one recording per file, in order",
+                       err, err_size);
   if (out->stamp_ns < log->last_ns) {
     log->late++;
     out->stamp_ns = log->last_ns;

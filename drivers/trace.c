@@ -52,7 +52,9 @@ static int append_frame(trace *t, const gv_frame *frame) {
   return 0;
 }
 
-static bool is_id(const gv_frame *frame, uint32_t id) { return frame->id == id && !(frame->flags & (GV_FRAME_EXTENDED | GV_FRAME_ERROR)); }
+static bool is_id(const gv_frame *frame, uint32_t id) {
+  return frame->id == id && !(frame->flags & (GV_FRAME_EXTENDED | GV_FRAME_ERROR));
+}
 
 // All frames of the log but our own commands, stamps from 0.
 static int load_frames(trace *t, gv_log *log, char *err, size_t err_size) {
@@ -68,7 +70,8 @@ static int load_frames(trace *t, gv_log *log, char *err, size_t err_size) {
   }
   if (got < 0) return -1;
   if (gloves == 0) {
-    snprintf(err, err_size, "%s:%llu: no frame of a glove (identifier %03X) in it; record one with gloved-trace or candump -L",
+    snprintf(err, err_size,
+             "%s:%llu: no frame of a glove (identifier %03X) in it; record one with gloved-trace or candump -L",
              log->path, (unsigned long long)log->line, GV_ID_GLOVE);
     return -1;
   }
@@ -89,7 +92,8 @@ int gv_trace_open(const char *path, gv_driver *out, char *err, size_t err_size) 
     if (t) close_trace(t);
     return -1;
   }
-  *out = (gv_driver){.self = t, .poll = poll_trace, .send = send_trace, .ended = trace_ended, .stats = trace_stats, .close = close_trace};
+  *out = (gv_driver){.self = t, .poll = poll_trace, .send = send_trace, .ended = trace_ended, .stats = trace_stats,
+                     .close = close_trace};
   return 0;
 }
 

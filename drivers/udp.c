@@ -24,7 +24,12 @@ enum {
 };
 static const int64_t silence_ns = 250000000;  // at 1 kHz the sequence wraps in 256 ms: a longer gap says nothing
 
-typedef union address { struct sockaddr any; struct sockaddr_in v4; struct sockaddr_in6 v6; struct sockaddr_storage room; } address;
+typedef union address {
+  struct sockaddr any;
+  struct sockaddr_in v4;
+  struct sockaddr_in6 v6;
+  struct sockaddr_storage room;
+} address;
 
 typedef struct udp {
   int fd;
@@ -55,7 +60,8 @@ static int64_t clock_ns(clockid_t clock) {
 
 static bool same_address(const address *a, const address *b) {
   if (a->any.sa_family != b->any.sa_family) return false;
-  if (a->any.sa_family == AF_INET) return a->v4.sin_port == b->v4.sin_port && a->v4.sin_addr.s_addr == b->v4.sin_addr.s_addr;
+  if (a->any.sa_family == AF_INET)
+    return a->v4.sin_port == b->v4.sin_port && a->v4.sin_addr.s_addr == b->v4.sin_addr.s_addr;
   return a->v6.sin6_port == b->v6.sin6_port && memcmp(&a->v6.sin6_addr, &b->v6.sin6_addr, sizeof a->v6.sin6_addr) == 0;
 }
 
@@ -106,7 +112,8 @@ static void take_datagram(udp *u, int64_t now_ns) {
     return;
   }
   bool whole = !(u->message[i].msg_hdr.msg_flags & MSG_TRUNC);
-  int count = whole ? gv_cannelloni_unpack(u->bytes[i], u->message[i].msg_len, &seq, u->pending, GV_CANNELLONI_MAX_FRAMES) : -1;
+  size_t size = whole ? u->message[i].msg_len : 0;
+  int count = gv_cannelloni_unpack(u->bytes[i], size, &seq, u->pending, GV_CANNELLONI_MAX_FRAMES);
   if (count < 0) {
     u->stats.bad++;
     return;
@@ -141,7 +148,8 @@ static int send_udp(void *self, const gv_frame *frame, int count) {
   udp *u = self;
   if (count <= 0) return 0;
   int bytes = gv_cannelloni_pack(u->send_seq, frame, count, u->out, sizeof u->out);
-  bool sent = bytes > 0 && sendto(u->fd, u->out, (size_t)bytes, MSG_DONTWAIT | MSG_NOSIGNAL, &u->peer.any, u->peer_size) == bytes;
+  bool sent = bytes > 0;
+  if (sent) sent = sendto(u->fd, u->out, (size_t)bytes, MSG_DONTWAIT | MSG_NOSIGNAL, &u->peer.any, u->peer_size) == bytes;
   u->send_seq++;  // also where it failed: the peer then sees what it missed
   if (sent) u->stats.tx += (uint64_t)count;
   else u->stats.tx_failed += (uint64_t)count;
@@ -188,7 +196,8 @@ static const char *parse_url(const char *url, udp_url *out) {
   memcpy(out->host, host, n);
   out->host[n] = 0;
   if (*p != ':' || !(p = read_port(p + 1, "?", out->port))) return "after the host comes :PORT, 1 to 65535";
-  if (strncmp(p, "?listen=", 8) != 0 || !read_port(p + 8, "", out->listen)) return "it ends with ?listen=PORT, 1 to 65535, and nothing else";
+  if (strncmp(p, "?listen=", 8) != 0 || !read_port(p + 8, "", out->listen))
+    return "it ends with ?listen=PORT, 1 to 65535, and nothing else";
   return NULL;
 }
 
@@ -238,7 +247,8 @@ static int open_socket(udp *u, const char *listen_port) {
   setsockopt(u->fd, SOL_SOCKET, SO_TIMESTAMPNS, &on, sizeof on);
   for (int i = 0; i < BATCH; i++) {
     u->part[i] = (struct iovec){u->bytes[i], sizeof u->bytes[i]};
-    u->message[i].msg_hdr = (struct msghdr){.msg_name = &u->source[i], .msg_iov = &u->part[i], .msg_iovlen = 1, .msg_control = u->control[i]};
+    u->message[i].msg_hdr = (struct msghdr){.msg_name = &u->source[i], .msg_iov = &u->part[i], .msg_iovlen = 1,
+                                            .msg_control = u->control[i]};
   }
   return bind_socket(u, listen_port);
 }
@@ -257,11 +267,15 @@ int gv_udp_open(const char *url, gv_driver *out, char *err, size_t err_size) {
   }
   u->fd = -1;
   int code = resolve_peer(u, &parts);
-  if (code) snprintf(err, err_size, "%s: the host %s is not known (%s); check its name or give its address", url, parts.host, gai_strerror(code));
+  if (code)
+    snprintf(err, err_size, "%s: the host %s is not known (%s); check its name or give its address", url, parts.host,
+             gai_strerror(code));
   else if (open_socket(u, parts.listen))
-    snprintf(err, err_size, "%s: cannot listen on port %s (%s); choose another port, or end the program that holds it", url, parts.listen, strerror(errno));
+    snprintf(err, err_size, "%s: cannot listen on port %s (%s); choose another port, or end the program that holds it",
+             url, parts.listen, strerror(errno));
   else {
-    *out = (gv_driver){.self = u, .poll = poll_udp, .send = send_udp, .ended = udp_ended, .stats = udp_stats, .close = close_udp};
+    *out = (gv_driver){.self = u, .poll = poll_udp, .send = send_udp, .ended = udp_ended, .stats = udp_stats,
+                       .close = close_udp};
     return 0;
   }
   close_udp(u);

@@ -14,7 +14,8 @@ enum { FIELDS_MAX = 32 };
 
 static void pack(const char *kind, const double *v, gv_frame *out) {
   gv_glove_msg g = {(uint8_t)v[0], (uint8_t)v[1], (uint32_t)v[2], (uint32_t)v[3], {0}};
-  gv_pose_msg p = {g.counter, g.flags, g.stamp_us, g.age_us, (uint8_t)v[4], {{v[8], v[9], v[10], v[11]}, {v[5], v[6], v[7]}}};
+  gv_pose_msg p = {g.counter, g.flags, g.stamp_us, g.age_us, (uint8_t)v[4], {{v[8], v[9], v[10], v[11]},
+                   {v[5], v[6], v[7]}}};
   gv_status_msg s = {g.counter, g.flags, g.stamp_us, (uint8_t)v[3], (uint8_t)v[4], {0}, (uint16_t)v[10]};
   gv_command_msg c = {g.counter, g.flags, g.stamp_us, g.age_us, {0}};
   for (int i = 0; i < GV_SENSORS; i++) g.raw[i] = (uint16_t)v[4 + i];
@@ -57,8 +58,8 @@ static gv_fcu_error print_message(const gv_frame *f) {
     for (int i = 0; i < GV_SENSORS; i++) printf(" %u", g.raw[i]);
   } else if (f->id == GV_ID_POSE && (error = gv_fcu_unpack_pose(f, &p)) == 0) {
     gv_pose T = p.T_world_receiver;
-    printf("pose %u %u %u %u %u %.17g %.17g %.17g %.17g %.17g %.17g %.17g", p.counter, p.flags, p.stamp_us, p.age_us, p.receiver,
-           T.p.x, T.p.y, T.p.z, T.q.w, T.q.x, T.q.y, T.q.z);
+    printf("pose %u %u %u %u %u %.17g %.17g %.17g %.17g %.17g %.17g %.17g", p.counter, p.flags, p.stamp_us, p.age_us,
+           p.receiver, T.p.x, T.p.y, T.p.z, T.q.w, T.q.x, T.q.y, T.q.z);
   } else if (f->id == GV_ID_STATUS && (error = gv_fcu_unpack_status(f, &s)) == 0) {
     printf("status %u %u %u %u %u", s.counter, s.flags, s.stamp_us, s.command_counter, s.mode);
     print_tensions(s.tension_n);
@@ -85,7 +86,8 @@ int main(void) {
     line[strcspn(line, "\n")] = 0;
     if (line[0] == '(') decode(line);
     else if (strcmp(line, "sensors") == 0 || strcmp(line, "fingers") == 0) {
-      for (int i = 0; i < (line[0] == 's' ? GV_SENSORS : GV_FINGERS); i++) printf("%s ", line[0] == 's' ? gv_sensor_name(i) : gv_finger_name(i));
+      for (int i = 0; i < (line[0] == 's' ? GV_SENSORS : GV_FINGERS); i++)
+        printf("%s ", line[0] == 's' ? gv_sensor_name(i) : gv_finger_name(i));
       printf("\n");
     } else encode(line);
   }

@@ -44,7 +44,8 @@ static void test_crc_check_value(void) {
 }
 
 static gv_command_msg random_command(void) {
-  gv_command_msg m = {.counter = any_byte(), .flags = (uint8_t)below(2), .sample_stamp_us = (uint32_t)below(1 << 30) * 4u, .age_us = 10u * (uint32_t)below(65536)};
+  gv_command_msg m = {.counter = any_byte(), .flags = (uint8_t)below(2), .sample_stamp_us = (uint32_t)below(1 << 30) * 4u,
+                      .age_us = 10u * (uint32_t)below(65536)};
   for (int i = 0; i < GV_FINGERS; i++) m.tension_n[i] = below(4096) * GV_TENSION_LSB_N;
   return m;
 }
@@ -52,7 +53,8 @@ static gv_command_msg random_command(void) {
 static void test_messages_survive_the_wire(void) {
   for (int n = 0; n < 2000; n++) {
     gv_frame f;
-    gv_glove_msg g = {.counter = any_byte(), .flags = (uint8_t)below(8), .stamp_us = (uint32_t)below(1 << 30) * 4u, .age_us = 10u * (uint32_t)below(65536)}, g2;
+    gv_glove_msg g = {.counter = any_byte(), .flags = (uint8_t)below(8), .stamp_us = (uint32_t)below(1 << 30) * 4u,
+                      .age_us = 10u * (uint32_t)below(65536)}, g2;
     for (int i = 0; i < GV_SENSORS; i++) g.raw[i] = (uint16_t)below(4096);
     gv_fcu_pack_glove(&g, &f);
     CHECK(f.id == 0x110 && f.len == 48 && (f.flags & GV_FRAME_FD), "the glove's frame");
@@ -62,8 +64,10 @@ static void test_messages_survive_the_wire(void) {
     gv_fcu_pack_command(&c, &f);
     CHECK(gv_fcu_unpack_command(&f, &c2) == 0 && c2.counter == c.counter && c2.flags == c.flags &&
           c2.sample_stamp_us == c.sample_stamp_us && c2.age_us == c.age_us, "command %d", n);
-    for (int i = 0; i < GV_FINGERS; i++) CHECK(c2.tension_n[i] == c.tension_n[i], "tension %d: %.17g against %.17g", i, c2.tension_n[i], c.tension_n[i]);
-    gv_status_msg s = {.counter = any_byte(), .flags = (uint8_t)below(8), .stamp_us = (uint32_t)n, .command_counter = any_byte(),
+    for (int i = 0; i < GV_FINGERS; i++)
+      CHECK(c2.tension_n[i] == c.tension_n[i], "tension %d: %.17g against %.17g", i, c2.tension_n[i], c.tension_n[i]);
+    gv_status_msg s = {.counter = any_byte(), .flags = (uint8_t)below(8), .stamp_us = (uint32_t)n,
+                       .command_counter = any_byte(),
                        .mode = GV_FCU_MODE_FORCE, .bad_commands = (uint16_t)below(65536)}, s2;
     for (int i = 0; i < GV_FINGERS; i++) s.tension_n[i] = below(4096) * GV_TENSION_LSB_N;
     gv_fcu_pack_status(&s, &f);
@@ -73,8 +77,11 @@ static void test_messages_survive_the_wire(void) {
 
 static void test_pose_survives_the_wire(void) {
   for (int n = 0; n < 2000; n++) {
-    gv_quat q = gv_quat_normalize((gv_quat){check_uniform(&seed, -1, 1), check_uniform(&seed, -1, 1), check_uniform(&seed, -1, 1), check_uniform(&seed, -1, 1)});
-    gv_pose_msg m = {.counter = any_byte(), .flags = GV_POSE_VALID, .stamp_us = 7, .age_us = 20, .receiver = 2, .T_world_receiver = {q, {check_uniform(&seed, -9, 9), check_uniform(&seed, -9, 9), check_uniform(&seed, -9, 9)}}}, back;
+    gv_quat q = gv_quat_normalize((gv_quat){check_uniform(&seed, -1, 1), check_uniform(&seed, -1, 1),
+                                            check_uniform(&seed, -1, 1), check_uniform(&seed, -1, 1)});
+    gv_pose_msg m = {.counter = any_byte(), .flags = GV_POSE_VALID, .stamp_us = 7, .age_us = 20, .receiver = 2,
+                     .T_world_receiver = {q, {check_uniform(&seed, -9, 9), check_uniform(&seed, -9, 9),
+                                              check_uniform(&seed, -9, 9)}}}, back;
     gv_frame f;
     gv_fcu_pack_pose(&m, &f);
     CHECK(gv_fcu_unpack_pose(&f, &back) == 0, "pose %d", n);
@@ -97,7 +104,8 @@ static void test_out_of_range_is_clamped(void) {
   gv_glove_msg g = {.age_us = 11}, g2;
   for (int i = 0; i < GV_SENSORS; i++) g.raw[i] = 60000;
   gv_fcu_pack_glove(&g, &f);
-  CHECK(gv_fcu_unpack_glove(&f, &g2) == 0 && g2.raw[0] == 4095 && g2.raw[21] == 4095 && g2.age_us == 20, "an age rounds up: %u", g2.age_us);
+  CHECK(gv_fcu_unpack_glove(&f, &g2) == 0 && g2.raw[0] == 4095 && g2.raw[21] == 4095 && g2.age_us == 20,
+        "an age rounds up: %u", g2.age_us);
   gv_pose_msg p = {.receiver = 2, .T_world_receiver = {{nan(""), nan(""), nan(""), nan("")}, {nan(""), 1e9, -1e9}}}, p2;
   gv_fcu_pack_pose(&p, &f);
   CHECK(gv_fcu_unpack_pose(&f, &p2) == GV_FCU_WRONG_VALUE, "a pose that is not a number must not arrive as one");
@@ -132,7 +140,8 @@ static void test_refusals(void) {
   gv_fcu_pack_pose(&p, &good);
   f = good, change_byte(&f, 10, 0); CHECK(gv_fcu_unpack_pose(&f, &p2) == GV_FCU_WRONG_VALUE, "receiver 0");
   f = good, change_byte(&f, 27, 0x3f); CHECK(gv_fcu_unpack_pose(&f, &p2) == GV_FCU_WRONG_VALUE, "quaternion too short");
-  f = good, change_byte(&f, 26, 0x04); CHECK(gv_fcu_unpack_pose(&f, &p2) == 0 && p2.T_world_receiver.q.w == 1, "a little long: made unit");
+  f = good, change_byte(&f, 26, 0x04);
+  CHECK(gv_fcu_unpack_pose(&f, &p2) == 0 && p2.T_world_receiver.q.w == 1, "a little long: made unit");
 }
 
 // ---- cannelloni -----------------------------------------------------------------------------------
@@ -142,8 +151,10 @@ static void test_cannelloni_golden_vector(void) {
   gv_frame f[4];
   uint8_t seq, back[64];
   CHECK(gv_cannelloni_unpack(golden, sizeof golden, &seq, f, 4) == 1 && seq == 0x23, "decodes");
-  CHECK(f[0].id == 0x19fa044d && f[0].flags == GV_FRAME_EXTENDED && f[0].len == 8 && f[0].data[0] == 0x0c && f[0].data[7] == 2, "content");
-  CHECK(gv_cannelloni_pack(seq, f, 1, back, sizeof back) == sizeof golden && memcmp(back, golden, sizeof golden) == 0, "re-encodes to the same bytes");
+  CHECK(f[0].id == 0x19fa044d && f[0].flags == GV_FRAME_EXTENDED && f[0].len == 8 && f[0].data[0] == 0x0c &&
+        f[0].data[7] == 2, "content");
+  CHECK(gv_cannelloni_pack(seq, f, 1, back, sizeof back) == sizeof golden && memcmp(back, golden, sizeof golden) == 0,
+        "re-encodes to the same bytes");
 }
 
 static int random_bundle(gv_frame *f, uint8_t *out, uint8_t *seq) {
@@ -164,14 +175,17 @@ static void test_cannelloni_round_trip(void) {
     CHECK(gv_cannelloni_pack(seq, f, count, small, (size_t)size - 1) == -1, "one byte too small");
     CHECK(gv_cannelloni_unpack(small, (size_t)size, &seq2, back, 20) == count && seq2 == seq, "bundle %d", n);
     for (int i = 0; i < count; i++) CHECK(same_frame(&f[i], &back[i]), "bundle %d frame %d", n, i);
-    if (count > 0) CHECK(gv_cannelloni_unpack(small, (size_t)size, &seq2, back, count - 1) == -1, "more frames than the caller takes");
+    if (count > 0)
+      CHECK(gv_cannelloni_unpack(small, (size_t)size, &seq2, back, count - 1) == -1, "more frames than the caller takes");
     free(small);
   }
 }
 
 static bool frames_valid(const gv_frame *f, int count) {
   for (int i = 0; i < count; i++)
-    if (f[i].len > 64 || gv_frame_fd_length(f[i].len) != f[i].len || f[i].id > 0x1fffffff || (f[i].len > 8 && !(f[i].flags & GV_FRAME_FD))) return false;
+    if (f[i].len > 64 || gv_frame_fd_length(f[i].len) != f[i].len || f[i].id > 0x1fffffff ||
+        (f[i].len > 8 && !(f[i].flags & GV_FRAME_FD)))
+      return false;
   return true;
 }
 
@@ -216,10 +230,13 @@ static void test_cannelloni_fuzz(void) {
 
 static void test_log_lines_as_candump_writes_them(void) {
   static const struct { gv_frame f; const char *line; } t[] = {
-    {{.stamp_ns = 1436509052249713000, .id = 0x44, .len = 5, .data = {0x2a, 0x36, 0x6c, 0x2b, 0xba}}, "(1436509052.249713) vcan0 044#2A366C2BBA\n"},
-    {{.stamp_ns = 1249903999, .id = 0x12345678, .flags = GV_FRAME_EXTENDED | GV_FRAME_REMOTE}, "(0000000001.249903) vcan0 12345678#R\n"},
+    {{.stamp_ns = 1436509052249713000, .id = 0x44, .len = 5, .data = {0x2a, 0x36, 0x6c, 0x2b, 0xba}},
+     "(1436509052.249713) vcan0 044#2A366C2BBA\n"},
+    {{.stamp_ns = 1249903999, .id = 0x12345678, .flags = GV_FRAME_EXTENDED | GV_FRAME_REMOTE},
+     "(0000000001.249903) vcan0 12345678#R\n"},
     {{.id = 0x123, .flags = GV_FRAME_REMOTE, .len = 5}, "(0000000000.000000) vcan0 123#R5\n"},
-    {{.id = 0x123, .flags = GV_FRAME_FD | GV_FRAME_BRS, .len = 3, .data = {1, 2, 0xff}}, "(0000000000.000000) vcan0 123##10102FF\n"},
+    {{.id = 0x123, .flags = GV_FRAME_FD | GV_FRAME_BRS, .len = 3, .data = {1, 2, 0xff}},
+     "(0000000000.000000) vcan0 123##10102FF\n"},
     {{.id = 0x123, .flags = GV_FRAME_FD}, "(0000000000.000000) vcan0 123##0\n"},
     {{.id = 0x80, .flags = GV_FRAME_ERROR, .len = 1, .data = {9}}, "(0000000000.000000) vcan0 20000080#09\n"},
   };
@@ -229,7 +246,8 @@ static void test_log_lines_as_candump_writes_them(void) {
     int n = gv_log_format(&t[i].f, "vcan0", line);
     CHECK(strcmp(line, t[i].line) == 0 && n == (int)strlen(line), "%s", line);
     line[n - 1] = 0;
-    CHECK(gv_log_parse(line, &back, err, sizeof err) == 0 && same_frame(&back, &t[i].f) && back.stamp_ns == t[i].f.stamp_ns / 1000 * 1000, "%s", line);
+    CHECK(gv_log_parse(line, &back, err, sizeof err) == 0 && same_frame(&back, &t[i].f) &&
+          back.stamp_ns == t[i].f.stamp_ns / 1000 * 1000, "%s", line);
   }
 }
 
@@ -253,16 +271,23 @@ static void test_log_round_trip(void) {
 }
 
 static void test_log_accepts_and_refuses(void) {
-  static const char *good[] = {"(1.5) can0 123#", "(0000000001.000001)   can0  123#11.22.33", "(1.000000001) can0 123##0 R", "(1.0) can0 123#11 T more", "(1.0)\tcan0\t123#r8\r",
+  static const char *good[] = {"(1.5) can0 123#", "(0000000001.000001)   can0  123#11.22.33",
+                               "(1.000000001) can0 123##0 R", "(1.0) can0 123#11 T more", "(1.0)\tcan0\t123#r8\r",
                                "(1.0) can0 123#1122334455667788_9", "(9000000000.999999) can0 1fffffff#aA"};
-  static const char *bad[] = {"", "x", "(1) can0 123#", "(nan) can0 123#", "(inf.0) can0 123#", "(-1.0) can0 123#", "(99999999999.0) can0 123#", "(9100000000.0) can0 123#", "(1.0000000001) can0 123#",
-                              "(1.0)can0 123#", "(1.0) can0", "(1.0) 123#11", "(1.0) can0 12#", "(1.0) can0 800#", "(1.0) can0 1234#", "(1.0) can0 123456789#", "(1.0) can0 C0000000#", "(1.0) can0 123#1",
-                              "(1.0) can0 123#112233445566778899", "(1.0) can0 123##", "(1.0) can0 123##0112233445566778899", "(1.0) can0 123#11x", "(1.0) can0 123#R9", "(1.0) can0 123###00", "(1.0) sixteencharacter 123#",
+  static const char *bad[] = {"", "x", "(1) can0 123#", "(nan) can0 123#", "(inf.0) can0 123#", "(-1.0) can0 123#",
+                              "(99999999999.0) can0 123#", "(9100000000.0) can0 123#", "(1.0000000001) can0 123#",
+                              "(1.0)can0 123#", "(1.0) can0", "(1.0) 123#11", "(1.0) can0 12#", "(1.0) can0 800#",
+                              "(1.0) can0 1234#", "(1.0) can0 123456789#", "(1.0) can0 C0000000#", "(1.0) can0 123#1",
+                              "(1.0) can0 123#112233445566778899", "(1.0) can0 123##",
+                              "(1.0) can0 123##0112233445566778899", "(1.0) can0 123#11x", "(1.0) can0 123#R9",
+                              "(1.0) can0 123###00", "(1.0) sixteencharacter 123#",
                               "can0 123 [3] 11 22 33"};
   gv_frame f;
   char err[120];
-  for (size_t i = 0; i < sizeof good / sizeof *good; i++) CHECK(gv_log_parse(good[i], &f, err, sizeof err) == 0, "%s: %s", good[i], err);
-  for (size_t i = 0; i < sizeof bad / sizeof *bad; i++) CHECK(gv_log_parse(bad[i], &f, err, sizeof err) < 0 && err[0] && !strchr(err, '\n'), "accepted: %s", bad[i]);
+  for (size_t i = 0; i < sizeof good / sizeof *good; i++)
+    CHECK(gv_log_parse(good[i], &f, err, sizeof err) == 0, "%s: %s", good[i], err);
+  for (size_t i = 0; i < sizeof bad / sizeof *bad; i++)
+    CHECK(gv_log_parse(bad[i], &f, err, sizeof err) < 0 && err[0] && !strchr(err, '\n'), "accepted: %s", bad[i]);
 }
 
 static const char *temp_path(const char *name) {
@@ -294,11 +319,13 @@ static void test_can_utils_read_our_logs(void) {
     char iface[20];
     unsigned id = 0, len = 0;
     int at = 0;
-    CHECK(fgets(out, sizeof out, p) && sscanf(out, " (%lld.%lld) %19s %x [%u] %n", &seconds, &micros, iface, &id, &len, &at) == 5, "line %d: %s", i, out);
+    CHECK(fgets(out, sizeof out, p) && 
+          sscanf(out, " (%lld.%lld) %19s %x [%u] %n", &seconds, &micros, iface, &id, &len, &at) == 5, "line %d: %s", i, out);
     uint32_t want = f[i].id | (f[i].flags & GV_FRAME_ERROR ? 0x20000000u : 0);
     CHECK(seconds * 1000000 + micros == f[i].stamp_ns / 1000 && id == want && len == f[i].len, "%s", out);
     if (f[i].flags & GV_FRAME_REMOTE) CHECK(strstr(out, "remote request"), "%s", out);
-    else for (int k = 0; k < f[i].len; k++) CHECK(strtol(out + at + 3 * k, NULL, 16) == f[i].data[k], "byte %d of %s", k, out);
+    else for (int k = 0; k < f[i].len; k++)
+      CHECK(strtol(out + at + 3 * k, NULL, 16) == f[i].data[k], "byte %d of %s", k, out);
   }
   pclose(p);
 }
@@ -337,7 +364,8 @@ static void play_trace(const char *path, int frames, uint64_t bad) {
   CHECK(rest == frames - 3 && d.ended(d.self), "%d more", rest);
   CHECK(d.send(d.self, f, 3) == 0, "sending goes nowhere");
   gv_driver_stats s = d.stats(d.self);
-  CHECK(s.rx == (uint64_t)frames && s.tx == 3 && s.bad == bad, "rx %llu tx %llu bad %llu", (unsigned long long)s.rx, (unsigned long long)s.tx, (unsigned long long)s.bad);
+  CHECK(s.rx == (uint64_t)frames && s.tx == 3 && s.bad == bad, "rx %llu tx %llu bad %llu", (unsigned long long)s.rx,
+        (unsigned long long)s.tx, (unsigned long long)s.bad);
   d.close(d.self);
 }
 
@@ -456,7 +484,8 @@ static void test_udp_both_ways(void) {
   CHECK(poll_all(&b, back + 3, 27) == 27, "and the rest");
   for (int i = 0; i < 30; i++) {
     CHECK(same_frame(&f[i], &back[i]), "frame %d", i);
-    CHECK(back[i].stamp_ns > before - 1000000 && back[i].stamp_ns <= now() && (i == 0 || back[i].stamp_ns >= back[i - 1].stamp_ns), "stamp %d", i);
+    CHECK(back[i].stamp_ns > before - 1000000 && back[i].stamp_ns <= now() &&
+          (i == 0 || back[i].stamp_ns >= back[i - 1].stamp_ns), "stamp %d", i);
   }
   gv_driver_stats s = b.stats(b.self);
   CHECK(s.rx == 30 && s.tx == 1 && s.bad == 0 && s.lost == 0 && s.foreign == 0, "counters");
@@ -490,7 +519,8 @@ static void test_udp_without_a_peer(void) {
 // A socket that sends raw bytes from port `from` to the driver listening on port `to`.
 static int raw_socket(int from, int to) {
   int fd = socket(AF_INET, SOCK_DGRAM, 0);
-  struct sockaddr_in s = {.sin_family = AF_INET, .sin_addr.s_addr = htonl(INADDR_LOOPBACK), .sin_port = htons((uint16_t)from)};
+  struct sockaddr_in s = {.sin_family = AF_INET, .sin_addr.s_addr = htonl(INADDR_LOOPBACK),
+                          .sin_port = htons((uint16_t)from)};
   CHECK(bind(fd, (const struct sockaddr *)&s, sizeof s) == 0, "port %d", from);
   s.sin_port = htons((uint16_t)to);
   CHECK(connect(fd, (const struct sockaddr *)&s, sizeof s) == 0, "port %d", to);
@@ -509,24 +539,32 @@ static void test_udp_foreign_broken_and_lost(void) {
   static uint8_t giant[3000];
   gv_frame f[300];
   send_seq(other, 0);
-  CHECK(send(peer, giant, 0, 0) == 0 && send(peer, giant, 7, 0) == 7 && send(peer, giant, sizeof giant, 0) == sizeof giant, "broken ones");
+  CHECK(send(peer, giant, 0, 0) == 0 && send(peer, giant, 7, 0) == 7 && send(peer, giant, sizeof giant, 0) == sizeof giant,
+        "broken ones");
   static const struct { int seq; unsigned lost; } t[] = {
     {250, 0}, {251, 0}, {254, 2}, {255, 2}, {0, 2}, {3, 4},  // gaps, also over the wrap
     {3, 4}, {2, 4}, {4, 4},                                  // doubled and swapped
     {90, 89}, {0, 89}, {1, 89},                              // many lost; a new start
     {200, 89}, {201, 89}, {202, 89}, {0, 89}, {1, 89}};      // 199 ahead or 57 behind: a new start
-  for (size_t i = 0; i < sizeof t / sizeof *t; i++) {
+  int64_t sent_ns = now();
+  bool stalled = false;  // a pause of the machine is a silence of the peer: nothing can be said then
+  for (size_t i = 0; i < sizeof t / sizeof *t && !stalled; i++) {
     send_seq(peer, t[i].seq);
+    stalled = now() - sent_ns > 200000000;
+    sent_ns = now();
     CHECK(poll_all(&a, f, 1) == 1 && f[0].id == 0x123, "sequence %d", t[i].seq);
-    CHECK(a.stats(a.self).lost == t[i].lost, "after %d: lost %llu, not %u", t[i].seq, (unsigned long long)a.stats(a.self).lost, t[i].lost);
+    CHECK(stalled || a.stats(a.self).lost == t[i].lost, "after %d: lost %llu, not %u", t[i].seq,
+          (unsigned long long)a.stats(a.self).lost, t[i].lost);
   }
+  if (stalled) SKIP("this machine stood still for 0.2 s");
   nanosleep(&(struct timespec){.tv_nsec = 270000000}, NULL);
   send_seq(peer, 77);
-  CHECK(poll_all(&a, f, 1) == 1 && a.stats(a.self).lost == 89, "after a silence nothing is known");
+  CHECK(poll_all(&a, f, 1) == 1 && (stalled || a.stats(a.self).lost == 89), "after a silence nothing is known");
   gv_driver_stats s = a.stats(a.self);
   CHECK(s.foreign == 1 && s.bad == 3, "foreign %llu bad %llu", (unsigned long long)s.foreign, (unsigned long long)s.bad);
   for (int i = 0; i < 200; i++) send_seq(other, i);
-  CHECK(a.poll(a.self, now(), f, 300) == 0 && a.stats(a.self).foreign <= 65, "one poll reads a bounded number of datagrams");
+  CHECK(a.poll(a.self, now(), f, 300) == 0 && a.stats(a.self).foreign <= 65,
+        "one poll reads a bounded number of datagrams");
   close(peer);
   close(other);
   a.close(a.self);
@@ -548,12 +586,15 @@ static void test_udp_over_ipv6(void) {
 }
 
 static void test_udp_urls(void) {
-  static const char *bad[] = {"udp:", "udp://", "udp://:1?listen=2", "udp://h", "udp://h:0?listen=2", "udp://h:70000?listen=2", "udp://h:1", "udp://h:1?listen=", "udp://h:1?listen=0",
-                              "udp://h:1?listen=2&x=3", "udp://h:1?listen=2x", "tcp://h:1?listen=2", "udp://[::1:1?listen=2", "udp://h:-1?listen=2"};
+  static const char *bad[] = {"udp:", "udp://", "udp://:1?listen=2", "udp://h", "udp://h:0?listen=2",
+                              "udp://h:70000?listen=2", "udp://h:1", "udp://h:1?listen=", "udp://h:1?listen=0",
+                              "udp://h:1?listen=2&x=3", "udp://h:1?listen=2x", "tcp://h:1?listen=2",
+                              "udp://[::1:1?listen=2", "udp://h:-1?listen=2"};
   gv_driver d;
   for (size_t i = 0; i < sizeof bad / sizeof *bad; i++) {
     char err[400] = "";
-    CHECK(gv_udp_open(bad[i], &d, err, sizeof err) < 0 && strstr(err, bad[i]) && strstr(err, "; ") && !strchr(err, '\n'), "%s: %s", bad[i], err);
+    CHECK(gv_udp_open(bad[i], &d, err, sizeof err) < 0 && strstr(err, bad[i]) && strstr(err, "; ") && !strchr(err, '\n'),
+          "%s: %s", bad[i], err);
   }
 }
 

@@ -49,5 +49,6 @@ int main(int argc, char **argv) {
   if (strcmp(verb, "info") == 0) return trace_info(argc - 1, argv + 1);
   if (strcmp(verb, "import") == 0) return trace_import(argc - 1, argv + 1);
   if (strcmp(verb, "record") == 0) return trace_record(argc - 1, argv + 1);
-  return trace_fail(EXIT_BAD_INPUT, "%s%s; use info, import or record (gloved-trace --help)", argc > 1 ? "no such job: " : "no job given", verb);
+  return trace_fail(EXIT_BAD_INPUT, "%s%s; use info, import or record (gloved-trace --help)",
+                    argc > 1 ? "no such job: " : "no job given", verb);
 }

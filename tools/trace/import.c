@@ -95,9 +95,11 @@ static int write_log(const job *j) {
   if (!out) return trace_fail(EXIT_BAD_INPUT, "%s: cannot be written (%s); choose another place", j->out, strerror(errno));
   unsigned beyond = write_frames(j, out);
   bool bad = ferror(out);
-  if (fclose(out) || bad) return trace_fail(EXIT_FAULT, "%s: cannot be written (%s); free the disk", j->out, strerror(errno));
+  if (fclose(out) || bad)
+    return trace_fail(EXIT_FAULT, "%s: cannot be written (%s); free the disk", j->out, strerror(errno));
   print_beyond(beyond);
-  fprintf(stderr, "%zu glove and %zu pose frames, %.3f s\n", j->hand.count, j->pose.count, fmax(last_time(&j->hand), last_time(&j->pose)));
+  fprintf(stderr, "%zu glove and %zu pose frames, %.3f s\n", j->hand.count, j->pose.count,
+          fmax(last_time(&j->hand), last_time(&j->pose)));
   return EXIT_DONE;
 }
 
@@ -108,7 +110,9 @@ static int read_wrist(job *j) {
   j->pose = wrist;
   if (code) return code;
   double difference_s = last_time(&wrist) - last_time(&j->hand);
-  if (fabs(difference_s) > 0.1) fprintf(stderr, "the wrist's recording is %.2f s %s than the hand's\n", fabs(difference_s), difference_s > 0 ? "longer" : "shorter");
+  if (fabs(difference_s) > 0.1)
+    fprintf(stderr, "the wrist's recording is %.2f s %s than the hand's\n", fabs(difference_s),
+            difference_s > 0 ? "longer" : "shorter");
   return EXIT_DONE;
 }
 
@@ -116,7 +120,8 @@ static int import(job *j) {
   int code = table_read_csv(j->csv, &j->hand, &j->pose);
   if (!code && j->wrist) code = read_wrist(j);
   if (!code && j->rate_hz * fmax(last_time(&j->hand), last_time(&j->pose)) > ROWS_MAX)
-    code = trace_fail(EXIT_BAD_INPUT, "%s: too long (%.0f s); cut it, or check that t_s is in seconds", j->csv, last_time(&j->hand));
+    code = trace_fail(EXIT_BAD_INPUT, "%s: too long (%.0f s); cut it, or check that t_s is in seconds", j->csv,
+                      last_time(&j->hand));
   if (!code && j->rate_hz > 0) {
     resample(&j->hand, j->rate_hz);
     resample(&j->pose, j->rate_hz);
@@ -128,8 +133,11 @@ static int import(job *j) {
 }
 
 int trace_import(int argc, char **argv) {
-  static const struct option options[] = {{"wrist", required_argument, NULL, 'w'}, {"wrist-rate", required_argument, NULL, 'W'},
-                                          {"rate", required_argument, NULL, 'r'}, {"left", no_argument, NULL, 'l'}, {NULL, 0, NULL, 0}};
+  static const struct option options[] = {{"wrist", required_argument, NULL, 'w'},
+                                          {"wrist-rate", required_argument, NULL, 'W'},
+                                          {"rate", required_argument, NULL, 'r'},
+                                          {"left", no_argument, NULL, 'l'},
+                                          {NULL, 0, NULL, 0}};
   job j = {.wrist_rate_hz = 100};
   opterr = 0;
   for (int c; (c = getopt_long(argc, argv, "o:", options, NULL)) != -1;) {
@@ -139,10 +147,13 @@ int trace_import(int argc, char **argv) {
     else if (c == 'l') j.left = true;
     else if (c == 'W') good = trace_number(optarg, 0.1, 10000, &j.wrist_rate_hz);
     else if (c == 'r') good = trace_number(optarg, 0.1, 10000, &j.rate_hz);
-    else return trace_fail(EXIT_BAD_INPUT, "import: %s is no option or lacks its value; see gloved-trace --help", argv[optind - 1]);
+    else
+      return trace_fail(EXIT_BAD_INPUT, "import: %s is no option or lacks its value; see gloved-trace --help",
+                        argv[optind - 1]);
     if (!good) return trace_fail(EXIT_BAD_INPUT, "import: %s is no rate; give 0.1 to 10000 Hz", optarg);
   }
-  if (!j.out || optind + 1 != argc) return trace_fail(EXIT_BAD_INPUT, "import: give one CSV and -o FILE; see gloved-trace --help");
+  if (!j.out || optind + 1 != argc)
+    return trace_fail(EXIT_BAD_INPUT, "import: give one CSV and -o FILE; see gloved-trace --help");
   j.csv = argv[optind];
   return import(&j);
 }

@@ -59,7 +59,8 @@ static void count_age(kind_info *k, uint32_t age_us) {
 static void compare_samples(info *in, const gv_glove_msg *msg, int64_t stamp_ns) {
   bool equal = true, jumped = false;
   for (int i = 0; i < GV_SENSORS; i++) {
-    double step = fabs(gv_calibration_angle(&in->cal, i, msg->raw[i]) - gv_calibration_angle(&in->cal, i, in->glove.raw[i]));
+    double before = gv_calibration_angle(&in->cal, i, in->glove.raw[i]);
+    double step = fabs(gv_calibration_angle(&in->cal, i, msg->raw[i]) - before);
     equal = equal && step == 0;
     jumped = jumped || step > JUMP_RAD;
     if (step <= in->jump_max_rad) continue;
@@ -133,19 +134,26 @@ static void print_kind(const info *in, int kind) {
 }
 
 static void print_info(const info *in, const gv_log *log) {
-  printf("%s: %llu frames in %.3f s, stamps %.6f to %.6f\n", log->path, (unsigned long long)in->frames, (double)(in->last_ns - in->first_ns) * 1e-9,
+  printf("%s: %llu frames in %.3f s, stamps %.6f to %.6f\n", log->path, (unsigned long long)in->frames,
+         (double)(in->last_ns - in->first_ns) * 1e-9,
          (double)in->first_ns * 1e-9, (double)in->last_ns * 1e-9);
-  printf("%-4s %-14s %8s %9s %11s %6s %8s %8s   %s\n", "id", "message", "frames", "rate Hz", "gap max ms", "lost", "behind", "refused", "age ms min / median / max");
+  printf("%-4s %-14s %8s %9s %11s %6s %8s %8s   %s\n", "id", "message", "frames", "rate Hz", "gap max ms", "lost",
+         "behind", "refused", "age ms min / median / max");
   for (int k = 0; k < KINDS; k++) print_kind(in, k);
   if (in->pairs) {
-    printf("glove: %.1f %% of the samples equal the one before, %llu jump by more than %.1f rad", 100.0 * (double)in->equal / (double)in->pairs,
+    printf("glove: %.1f %% of the samples equal the one before, %llu jump by more than %.1f rad",
+           100.0 * (double)in->equal / (double)in->pairs,
            (unsigned long long)in->jumps, JUMP_RAD);
-    if (in->jump_max_rad > 0) printf("; largest step %.3f rad (%s at %.6f)", in->jump_max_rad, gv_sensor_name(in->jump_sensor), (double)in->jump_ns * 1e-9);
+    if (in->jump_max_rad > 0)
+      printf("; largest step %.3f rad (%s at %.6f)", in->jump_max_rad, gv_sensor_name(in->jump_sensor),
+             (double)in->jump_ns * 1e-9);
     printf("\n");
   }
-  if (in->refusal) printf("first refused frame at %.6f: %s\n", (double)in->refusal_ns * 1e-9, gv_fcu_error_text(in->refusal));
+  if (in->refusal)
+    printf("first refused frame at %.6f: %s\n", (double)in->refusal_ns * 1e-9, gv_fcu_error_text(in->refusal));
   if (log->late) printf("%llu stamps step back by less than 10 ms: the larger one holds\n", (unsigned long long)log->late);
-  if (log->truncated) printf("the recording broke off after line %llu: the rest was left out\n", (unsigned long long)log->line - 1);
+  if (log->truncated)
+    printf("the recording broke off after line %llu: the rest was left out\n", (unsigned long long)log->line - 1);
 }
 
 int trace_info(int argc, char **argv) {
@@ -161,7 +169,8 @@ int trace_info(int argc, char **argv) {
   while ((got = gv_log_next(&log, &frame, err, sizeof err)) > 0) count_frame(in, &frame);
   int code = EXIT_DONE;
   if (got < 0) code = trace_fail(EXIT_BAD_INPUT, "%s", err);
-  else if (in->frames == 0) code = trace_fail(EXIT_BAD_INPUT, "%s: no frame in it; record one with gloved-trace record or candump -L", argv[1]);
+  else if (in->frames == 0)
+    code = trace_fail(EXIT_BAD_INPUT, "%s: no frame in it; record one with gloved-trace record or candump -L", argv[1]);
   else print_info(in, &log);
   gv_log_close(&log);
   free(in);

@@ -49,16 +49,23 @@ static int record(gv_driver *link, FILE *out, const char *path, double duration_
   }
   gv_driver_stats s = link->stats(link->self);
   double took_s = (double)(clock_ns(CLOCK_MONOTONIC) - start) * 1e-9;
-  if (!good) return trace_fail(EXIT_FAULT, "%s: cannot be written (%s); free the disk or choose another place", path, strerror(errno));
-  if (s.rx == 0) return trace_fail(EXIT_FAULT, "no frame came in %.1f s (%llu datagrams of others, %llu broken); check that the device sends to this port", took_s,
-                                   (unsigned long long)s.foreign, (unsigned long long)s.bad);
-  fprintf(stderr, "%llu frames in %.1f s, %llu datagrams lost, %llu broken, %llu of others\n", (unsigned long long)s.rx, took_s,
-          (unsigned long long)s.lost, (unsigned long long)s.bad, (unsigned long long)s.foreign);
+  if (!good)
+    return trace_fail(EXIT_FAULT, "%s: cannot be written (%s); free the disk or choose another place", path,
+                      strerror(errno));
+  if (s.rx == 0)
+    return trace_fail(EXIT_FAULT, "no frame came in %.1f s (%llu datagrams of others, %llu broken); "
+                      "check that the device sends to this port", took_s, (unsigned long long)s.foreign,
+                      (unsigned long long)s.bad);
+  fprintf(stderr, "%llu frames in %.1f s, %llu datagrams lost, %llu broken, %llu of others\n",
+          (unsigned long long)s.rx, took_s, (unsigned long long)s.lost, (unsigned long long)s.bad,
+          (unsigned long long)s.foreign);
   return EXIT_DONE;
 }
 
 int trace_record(int argc, char **argv) {
-  static const struct option options[] = {{"udp", required_argument, NULL, 'u'}, {"duration", required_argument, NULL, 'd'}, {NULL, 0, NULL, 0}};
+  static const struct option options[] = {{"udp", required_argument, NULL, 'u'},
+                                          {"duration", required_argument, NULL, 'd'},
+                                          {NULL, 0, NULL, 0}};
   const char *url = NULL, *path = NULL;
   double duration_s = HUGE_VAL;
   char err[400];
@@ -66,10 +73,14 @@ int trace_record(int argc, char **argv) {
   for (int c; (c = getopt_long(argc, argv, "o:", options, NULL)) != -1;) {
     if (c == 'u') url = optarg;
     else if (c == 'o') path = optarg;
-    else if (c != 'd') return trace_fail(EXIT_BAD_INPUT, "record: %s is no option or lacks its value; see gloved-trace --help", argv[optind - 1]);
-    else if (!trace_number(optarg, 1e-3, 1e9, &duration_s)) return trace_fail(EXIT_BAD_INPUT, "record: --duration %s is no time; give seconds above 0", optarg);
+    else if (c != 'd')
+      return trace_fail(EXIT_BAD_INPUT, "record: %s is no option or lacks its value; see gloved-trace --help",
+                        argv[optind - 1]);
+    else if (!trace_number(optarg, 1e-3, 1e9, &duration_s))
+      return trace_fail(EXIT_BAD_INPUT, "record: --duration %s is no time; give seconds above 0", optarg);
   }
-  if (!url || !path || optind != argc) return trace_fail(EXIT_BAD_INPUT, "record: give --udp URL and -o FILE and nothing else; see gloved-trace --help");
+  if (!url || !path || optind != argc)
+    return trace_fail(EXIT_BAD_INPUT, "record: give --udp URL and -o FILE and nothing else; see gloved-trace --help");
   gv_driver link;
   if (gv_udp_open(url, &link, err, sizeof err)) return trace_fail(EXIT_BAD_INPUT, "%s", err);
   FILE *out = strcmp(path, "-") == 0 ? stdout : fopen(path, "w");
@@ -80,7 +91,8 @@ int trace_record(int argc, char **argv) {
     signal(SIGINT, on_signal);
     signal(SIGTERM, on_signal);
     code = record(&link, out, path, duration_s);
-    if (fclose(out) && code == EXIT_DONE) code = trace_fail(EXIT_FAULT, "%s: cannot be written (%s); free the disk", path, strerror(errno));
+    if (fclose(out) && code == EXIT_DONE)
+      code = trace_fail(EXIT_FAULT, "%s: cannot be written (%s); free the disk", path, strerror(errno));
   }
   link.close(link.self);
   return code;

@@ -17,14 +17,19 @@ enum { PX = GV_SENSORS, QW = PX + 3, TIME = QW + 4, ARM_X, FIELDS = ARM_X + 3 };
 // Column names besides those of the sensors. A column may feed two fields: the spread between two fingers is
 // the difference of their abductions (all towards the thumb). The simulated thumb flexes towards negative angles.
 static const struct { const char *column; int field; double factor; } known[] = {
-  {"t_s", TIME, 1}, {"px", PX, 1}, {"py", PX + 1, 1}, {"pz", PX + 2, 1}, {"qw", QW, 1}, {"qx", QW + 1, 1}, {"qy", QW + 2, 1}, {"qz", QW + 3, 1},
-  {"FFJ3", GV_MIDDLE_INDEX_ABDUCTION, 1}, {"MFJ3", GV_MIDDLE_INDEX_ABDUCTION, -1}, {"MFJ3", GV_RING_MIDDLE_ABDUCTION, 1},
-  {"RFJ3", GV_RING_MIDDLE_ABDUCTION, -1}, {"RFJ3", GV_LITTLE_RING_ABDUCTION, 1}, {"LFJ3", GV_LITTLE_RING_ABDUCTION, -1},
-  {"FFJ2", GV_INDEX_MPJ, 1}, {"FFJ1", GV_INDEX_PIJ, 1}, {"FFJ0", GV_INDEX_DIJ, 1}, {"MFJ2", GV_MIDDLE_MPJ, 1}, {"MFJ1", GV_MIDDLE_PIJ, 1}, {"MFJ0", GV_MIDDLE_DIJ, 1},
-  {"RFJ2", GV_RING_MPJ, 1}, {"RFJ1", GV_RING_PIJ, 1}, {"RFJ0", GV_RING_DIJ, 1}, {"LFJ2", GV_LITTLE_MPJ, 1}, {"LFJ1", GV_LITTLE_PIJ, 1}, {"LFJ0", GV_LITTLE_DIJ, 1},
-  {"LFJ4", GV_PALM_ARCH, 1}, {"THJ4", GV_THUMB_ROTATE, 1}, {"THJ3", GV_THUMB_ABDUCTION, 1}, {"THJ1", GV_THUMB_MPJ, -1}, {"THJ0", GV_THUMB_IJ, -1},
-  {"WRJ1", GV_WRIST_YAW, 1}, {"WRJ0", GV_WRIST_PITCH, 1}, {"palm_x", PX, 1}, {"palm_y", PX + 1, 1}, {"palm_z", PX + 2, 1},
-  {"ARRx", ARM_X, 1}, {"ARRy", ARM_X + 1, 1}, {"ARRz", ARM_X + 2, 1}};
+  {"t_s", TIME, 1}, {"px", PX, 1}, {"py", PX + 1, 1}, {"pz", PX + 2, 1},
+  {"qw", QW, 1}, {"qx", QW + 1, 1}, {"qy", QW + 2, 1}, {"qz", QW + 3, 1},
+  {"FFJ3", GV_MIDDLE_INDEX_ABDUCTION, 1}, {"MFJ3", GV_MIDDLE_INDEX_ABDUCTION, -1},
+  {"MFJ3", GV_RING_MIDDLE_ABDUCTION, 1}, {"RFJ3", GV_RING_MIDDLE_ABDUCTION, -1},
+  {"RFJ3", GV_LITTLE_RING_ABDUCTION, 1}, {"LFJ3", GV_LITTLE_RING_ABDUCTION, -1},
+  {"FFJ2", GV_INDEX_MPJ, 1}, {"FFJ1", GV_INDEX_PIJ, 1}, {"FFJ0", GV_INDEX_DIJ, 1},
+  {"MFJ2", GV_MIDDLE_MPJ, 1}, {"MFJ1", GV_MIDDLE_PIJ, 1}, {"MFJ0", GV_MIDDLE_DIJ, 1},
+  {"RFJ2", GV_RING_MPJ, 1}, {"RFJ1", GV_RING_PIJ, 1}, {"RFJ0", GV_RING_DIJ, 1},
+  {"LFJ2", GV_LITTLE_MPJ, 1}, {"LFJ1", GV_LITTLE_PIJ, 1}, {"LFJ0", GV_LITTLE_DIJ, 1},
+  {"THJ4", GV_THUMB_ROTATE, 1}, {"THJ3", GV_THUMB_ABDUCTION, 1}, {"THJ1", GV_THUMB_MPJ, -1}, {"THJ0", GV_THUMB_IJ, -1},
+  {"LFJ4", GV_PALM_ARCH, 1}, {"WRJ1", GV_WRIST_YAW, 1}, {"WRJ0", GV_WRIST_PITCH, 1},
+  {"palm_x", PX, 1}, {"palm_y", PX + 1, 1}, {"palm_z", PX + 2, 1}, {"ARRx", ARM_X, 1}, {"ARRy", ARM_X + 1, 1},
+  {"ARRz", ARM_X + 2, 1}};
 
 typedef struct table {
   const char *path;
@@ -65,14 +70,21 @@ static int fail_line(const table *t, const char *what, const char *what_to_do) {
 
 static int open_table(table *t, const char *path) {
   *t = (table){.path = path, .file = fopen(path, "r")};
-  return t->file ? EXIT_DONE : trace_fail(EXIT_BAD_INPUT, "%s: cannot be opened (%s); check the path", path, strerror(errno));
+  if (t->file) return EXIT_DONE;
+  return trace_fail(EXIT_BAD_INPUT, "%s: cannot be opened (%s); check the path", path, strerror(errno));
+}
+
+// The end of the file, or why it cannot be read.
+static int check_end(const table *t) {
+  if (!ferror(t->file)) return EXIT_DONE;
+  return trace_fail(EXIT_BAD_INPUT, "%s: cannot be read (%s); give a text file", t->path, strerror(errno));
 }
 
 // The next line that is neither empty nor a comment into t->text. *out_end at the end of the file.
 static int next_line(table *t, bool *out_end) {
   for (;;) {
     *out_end = !fgets(t->text, sizeof t->text, t->file);
-    if (*out_end) return ferror(t->file) ? trace_fail(EXIT_BAD_INPUT, "%s: cannot be read (%s); give a text file", t->path, strerror(errno)) : EXIT_DONE;
+    if (*out_end) return check_end(t);
     t->line++;
     if (strlen(t->text) > LINE_MAX_BYTES) return fail_line(t, "a line of more than 4096 characters", "give a text table");
     t->text[strcspn(t->text, "\r\n")] = 0;
@@ -97,7 +109,8 @@ static bool use_column(table *t, const char *name, int column) {
   for (int i = 0; i < GV_SENSORS; i++)
     if (strcmp(name, gv_sensor_name(i)) == 0) t->weight[i][column] = 1, t->given[i] = used = true;
   for (size_t i = 0; i < sizeof known / sizeof *known; i++)
-    if (strcmp(name, known[i].column) == 0) t->weight[known[i].field][column] = known[i].factor, t->given[known[i].field] = used = true;
+    if (strcmp(name, known[i].column) == 0)
+      t->weight[known[i].field][column] = known[i].factor, t->given[known[i].field] = used = true;
   return used;
 }
 
@@ -125,10 +138,14 @@ static void fill_distal_joints(table *t) {
 }
 
 static int check_header(table *t) {
-  if (!t->given[TIME]) return fail_line(t, "no column t_s", "the first line names the columns: t_s in seconds, sensors in radians");
-  if (!any_given(t, 0, GV_SENSORS)) return fail_line(t, "no column of a sensor", "name them thumb_rotate, thumb_mpj, ... (gloved-trace --help)");
-  if (any_given(t, PX, 3) && !all_given(t, PX, 3)) return fail_line(t, "a position without all of px py pz", "give the three or none");
-  if (any_given(t, QW, 4) && !all_given(t, QW, 4)) return fail_line(t, "an orientation without all of qw qx qy qz", "give the four or none");
+  if (!t->given[TIME])
+    return fail_line(t, "no column t_s", "the first line names the columns: t_s in seconds, sensors in radians");
+  if (!any_given(t, 0, GV_SENSORS))
+    return fail_line(t, "no column of a sensor", "name them thumb_rotate, thumb_mpj, ... (gloved-trace --help)");
+  if (any_given(t, PX, 3) && !all_given(t, PX, 3))
+    return fail_line(t, "a position without all of px py pz", "give the three or none");
+  if (any_given(t, QW, 4) && !all_given(t, QW, 4))
+    return fail_line(t, "an orientation without all of qw qx qy qz", "give the four or none");
   fill_distal_joints(t);
   for (int i = 0; i < GV_SENSORS; i++)
     if (!t->given[i]) fprintf(stderr, "no column %s: 0\n", gv_sensor_name(i));
@@ -185,11 +202,13 @@ static bool position_far(const double p[3]) { return fabs(p[0]) > 200 || fabs(p[
 
 static int add_row(const table *t, const double field[FIELDS], double start_s, series *hand, series *pose) {
   double time_s = field[TIME] - start_s;
-  if (hand->count > 0 && time_s <= series_row(hand, hand->count - 1)[0]) return fail_line(t, "t_s does not rise", "put the rows in order of time, one per time");
+  if (hand->count > 0 && time_s <= series_row(hand, hand->count - 1)[0])
+    return fail_line(t, "t_s does not rise", "put the rows in order of time, one per time");
   if (time_s > SPAN_MAX_S) return fail_line(t, "t_s is more than 1e6 s after the first row", "give seconds");
   if (position_far(field + PX)) return fail_line(t, "a position beyond 200 m", "give metres");
   gv_quat q = field_rotation(t, field);
-  if (fabs(sqrt(q.w * q.w + q.x * q.x + q.y * q.y + q.z * q.z) - 1) > 0.01) return fail_line(t, "qw qx qy qz is no unit quaternion", "give one of length 1");
+  if (fabs(sqrt(q.w * q.w + q.x * q.x + q.y * q.y + q.z * q.z) - 1) > 0.01)
+    return fail_line(t, "qw qx qy qz is no unit quaternion", "give one of length 1");
   q = gv_quat_normalize(q);
   double *h = series_add(hand), *p = series_add(pose);
   h[0] = time_s;
@@ -257,14 +276,18 @@ static int read_matrices(table *t, double rate_hz, series *pose) {
   bool end;
   for (int row = 0;; row = (row + 1) % 4) {
     if (next_line(t, &end)) return EXIT_BAD_INPUT;
-    if (end && (row > 0 || pose->count == 0)) return fail_line(t, "the last matrix is not complete", "give four lines of four numbers for each");
+    if (end && (row > 0 || pose->count == 0))
+      return fail_line(t, "the last matrix is not complete", "give four lines of four numbers for each");
     if (end) return EXIT_DONE;
-    if (!read_four(t->text, m + 4 * row)) return fail_line(t, "not four numbers", "give four lines of four numbers for each matrix");
+    if (!read_four(t->text, m + 4 * row))
+      return fail_line(t, "not four numbers", "give four lines of four numbers for each matrix");
     if (row < 3) continue;
     gv_quat q = quat_from_matrix(m);
-    if (!matrix_rigid(m, q)) return fail_line(t, "the matrix that ends here is no rotation and position", "give rows R p and a last row 0 0 0 1");
+    if (!matrix_rigid(m, q))
+      return fail_line(t, "the matrix that ends here is no rotation and position", "give rows R p and a last row 0 0 0 1");
     const double values[POSE_WIDTH] = {(double)pose->count / rate_hz, m[3], m[7], m[11], q.w, q.x, q.y, q.z};
-    if (position_far(values + 1)) return fail_line(t, "a position beyond 200 m in the matrix that ends here", "give metres");
+    if (position_far(values + 1))
+      return fail_line(t, "a position beyond 200 m in the matrix that ends here", "give metres");
     memcpy(series_add(pose), values, sizeof values);
   }
 }
