@@ -45,6 +45,7 @@ static void allocate_in_zlib(void) {
 }
 
 static void test_heap_calls_are_counted(void) {
+  if (!GV_HEAP_COUNTS) { SKIP("a sanitizer has the heap"); return; }
   CHECK(calls_of(do_nothing) == 0, "counted without a call");
   CHECK(calls_of(allocate_and_free) == 3, "malloc, realloc and free");
   CHECK(calls_of(allocate_aligned) == 2, "posix_memalign and free");
@@ -237,7 +238,7 @@ static void test_loop_ends_with_its_input(void) {
   CHECK(device.sent >= 103, "%d commands: one a step, and zeros at the end", device.sent);
   CHECK(loop.step.count == 100 && loop.wake.count == 0, "every step is measured, no sleep");
   CHECK(loop.missed_deadlines == 0 && loop.heap_calls == 0, "nothing missed, nothing allocated");
-  CHECK(loop.page_faults.major == 0 && loop.page_faults.minor == 0, "%d page faults", (int)loop.page_faults.minor);
+  if (GV_HEAP_COUNTS) CHECK(loop.page_faults.major == 0 && loop.page_faults.minor == 0, "%d page faults", (int)loop.page_faults.minor);
 }
 
 static void test_loop_ends_with_duration_and_signal(void) {
@@ -250,6 +251,7 @@ static void test_loop_ends_with_duration_and_signal(void) {
 }
 
 static void test_loop_counts_a_heap_call(void) {
+  if (!GV_HEAP_COUNTS) { SKIP("a sanitizer has the heap"); return; }
   fake device = {.polls = 20, .mischief_at = 10, .mischief = allocate_and_free};
   run_loop(&device, GV_PACE_FREE, 0, false);
   CHECK(loop.heap_calls == 3, "%d calls counted", (int)loop.heap_calls);

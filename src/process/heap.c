@@ -5,14 +5,6 @@
 // (glibc manual, "Replacing malloc"). Runs in every thread; one thread-local test per call.
 #include "heap.h"
 
-#if defined(__has_feature)
-#if __has_feature(address_sanitizer) || __has_feature(thread_sanitizer)
-#define SANITIZED
-#endif
-#elif defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
-#define SANITIZED
-#endif
-
 #include <errno.h>
 #include <stddef.h>
 
@@ -41,7 +33,7 @@ static _Thread_local uint64_t calls;
 void gv_heap_watch(bool on) { watching = on; }
 uint64_t gv_heap_calls(void) { return calls; }
 
-#ifndef SANITIZED // a sanitizer brings an allocator of its own: nothing is counted then
+#if GV_HEAP_COUNTS
 
 static void count_call(void) {
   if (watching) calls++;

@@ -53,7 +53,7 @@ unsigned gv_realtime_prepare(const gv_realtime_config *cfg) {
 
 // Touches the stack once, so that the loop never meets a page of it that is not there yet.
 static void touch_stack(void) {
-  volatile uint8_t stack[GV_REALTIME_STACK * 3 / 4];
+  volatile uint8_t stack[GV_REALTIME_STACK_TOUCHED];
   for (size_t i = 0; i < sizeof stack; i += 1024) stack[i] = 0;
 }
 

@@ -21,7 +21,8 @@ typedef enum gv_refusal { // bits
   GV_REFUSED_MEMORY = 1 << 0, GV_REFUSED_PRIORITY = 1 << 1, GV_REFUSED_CPU = 1 << 2
 } gv_refusal;
 
-enum { GV_REALTIME_STACK = 1 << 20 };  // bytes of stack that the loop's thread has, and touches beforehand
+enum { GV_REALTIME_STACK = 2 << 20,        // bytes of stack that the loop's thread has (thread-local data lies in it, too),
+       GV_REALTIME_STACK_TOUCHED = 1 << 19 }; // and how many it touches beforehand; a step uses below 64 kB
 
 // Whole process, before the loop's thread starts: touches all code and data that is mapped, and locks
 // memory. Returns gv_refusal bits.
