@@ -1,0 +1,50 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// Codec of the Polhemus FASTRAK: commands that set it up, and its data records, binary and ASCII.
+// Pure; any thread. Source: 3SPACE FASTRAK User Manual, OPM00PI002 Rev. G (June 2012), chapter 9.
+//
+// The record that we ask for with O<n>,2,11,0 (position, quaternion, a space) in binary (f), 32 bytes:
+//   '0' | station '1'..'4' | error ' ' or a letter | x y z, w x y z: seven float32, little-endian | ' '
+// and with O<n>,2,11,1 (the same and an end of line) in ASCII (F), 54 bytes:
+//   '0' | station | error | x y z as Sxxx.xx | w x y z as Sx.xxxx | CR LF      (S: '-', '+' or ' ')
+// Position of the receiver in the transmitter's frame, in centimetres (u): x away from the side where the
+// cable leaves, z down, for a transmitter that stands upright.
+#ifndef DRIVERS_FASTRAK_H
+#define DRIVERS_FASTRAK_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include "gloved/math.h"
+
+typedef enum gv_fastrak_format { GV_FASTRAK_BINARY, GV_FASTRAK_ASCII } gv_fastrak_format;
+enum { GV_FASTRAK_BINARY_BYTES = 32, GV_FASTRAK_ASCII_BYTES = 54, GV_FASTRAK_STATIONS = 4, GV_FASTRAK_SETUP_MAX = 160 };
+
+typedef struct gv_fastrak_record {
+  int station;               // 1..4
+  char error;                // ' ', or the letter of the last built-in test that failed
+  gv_pose T_tracker_receiver;// metres; the identity where there is an error and no sound pose
+} gv_fastrak_record;
+
+// For framer_push; `format` points to a gv_fastrak_format. A record counts as one when its four marks are
+// right, and its numbers are finite, within 10 m, the quaternion's length within 0.002 of 1. With an error
+// letter the numbers are not looked at.
+int gv_fastrak_scan(const void *format, const uint8_t *byte, int count);
+// A record that gv_fastrak_scan found.
+void gv_fastrak_decode(gv_fastrak_format format, const uint8_t *byte, gv_fastrak_record *out);
+// The bytes that the device would send (simulated device, tests). Returns their number; out holds 54.
+int gv_fastrak_encode(gv_fastrak_format format, const gv_fastrak_record *record, uint8_t *out);
+// What an error letter means, e.g. "receiver signal too low".
+const char *gv_fastrak_error_text(char error);
+
+typedef struct gv_fastrak_setup {
+  gv_fastrak_format format;
+  int head, hand;            // stations that are switched on; head 0: none
+  int hemisphere[3];         // direction of the half space that the receivers stay in, e.g. {1, 0, 0}
+} gv_fastrak_setup;
+
+#define GV_FASTRAK_STOP "c"  // ends continuous output; sent, and waited for, before the set-up
+// Units, format, stations, hemisphere, output list and the start of continuous output. Returns the length.
+int gv_fastrak_commands(const gv_fastrak_setup *setup, char out[GV_FASTRAK_SETUP_MAX]);
+
+#endif
