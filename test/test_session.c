@@ -267,6 +267,24 @@ static void test_broken_frames_end_the_force(void) {
         gv_safety_name(session.safety.state), commanded_max());
 }
 
+static void press_after_stall(unsigned periods_skipped) {
+  const gv_frame frame[2] = {glove(1.05, GV_GLOVE_DEAD_MAN, 0), pose(GV_RECEIVER_HAND, 0.06, GV_POSE_VALID)};
+  now_ns += (1 + (int64_t)periods_skipped) * MS;
+  gv_session_step(&session, now_ns, frame, 2, periods_skipped, &command);
+}
+
+static void test_stalls(void) {
+  press_until_force();
+  for (int i = 0; i < 3; i++) press_after_stall(32);
+  CHECK(session.safety.state == GV_SAFETY_ACTIVE, "three short stalls: %s", gv_safety_name(session.safety.state));
+  press_after_stall(60);
+  CHECK(session.safety.state == GV_SAFETY_FAULT, "a stall longer than any sample may be old: %s", gv_safety_name(session.safety.state));
+  press_until_force();
+  for (int i = 0; i < 40; i++) press_after_stall(1);
+  CHECK(session.safety.state == GV_SAFETY_FAULT, "every second period: %s", gv_safety_name(session.safety.state));
+  CHECK(session.faults_seen == GV_FAULT_OVERRUN, "faults %x", session.faults_seen);
+}
+
 static void test_stop_ramps_to_zero(void) {
   press_until_force();
   const int limit = (int)ceil(session.cfg.limiter.ramp_s * 1e3) + 1;
@@ -330,6 +348,7 @@ int main(void) {
   RUN(test_silence_is_a_fault_and_ends_the_force);
   RUN(test_device_fault_ends_the_force);
   RUN(test_broken_frames_end_the_force);
+  RUN(test_stalls);
   RUN(test_stop_ramps_to_zero);
   RUN(test_command_tells_its_sample);
   RUN(test_random_frames);

@@ -28,7 +28,7 @@ typedef struct gv_safety_input {
   bool finite;                       // every number of this step was finite
   bool device_fault;                 // the device reports one
   unsigned bad_frames;               // counter or checksum errors since the last call
-  unsigned overruns;                 // periods skipped since the last call
+  unsigned overruns;                 // late steps since the last call
   double desired_max_n;              // largest tension asked for
   bool stop;                         // the program is ending
 } gv_safety_input;

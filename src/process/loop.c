@@ -10,7 +10,11 @@
 
 #include "heap.h"
 
-enum { REPORT_OVERRUN = 31, FINAL_ZERO_COMMANDS = 3 };
+enum {
+  FINAL_ZERO_COMMANDS = 3,
+  RECORDS_A_STEP = 16,  // 7 engine events, overrun, other hand, state, and room
+  REPORT_OVERRUN = 31
+};
 
 int64_t gv_loop_periods_to_skip(int64_t late_ns, int64_t period_ns) {
   return late_ns <= 0 ? 0 : (late_ns + period_ns - 1) / period_ns;
@@ -44,14 +48,15 @@ static void add_relaxed(_Atomic uint64_t *counter, uint64_t amount) {
 
 // ---- telling the slow thread ------------------------------------------------------------------------
 
-// In free pace nothing is lost: the loop waits for the slow thread.
-static void wait_for_space(const gv_loop *loop, const gv_ring *ring) {
-  while (loop->cfg.pace == GV_PACE_FREE && gv_ring_space(ring) == 0) sleep_until(clock_ns(CLOCK_MONOTONIC) + 200000);
+// In free pace nothing gets lost: before a step the loop waits until the slow thread has made room for all
+// that one step can have to tell.
+static void wait_for_space(const gv_loop *loop) {
+  while (gv_ring_space(&loop->snapshots) < 1 || gv_ring_space(&loop->records) < RECORDS_A_STEP)
+    sleep_until(clock_ns(CLOCK_MONOTONIC) + 200000);
 }
 
 static void push_record(gv_loop *loop, gv_record_kind kind, uint32_t bits) {
   const gv_session *session = loop->session;
-  wait_for_space(loop, &loop->records);
   gv_record *record = gv_ring_reserve(&loop->records);
   if (!record) return;
   int64_t step = (int64_t)gv_engine_counters(session->engine)->steps;
@@ -83,7 +88,6 @@ static void report_events(gv_loop *loop) {
 }
 
 static void push_snapshot(gv_loop *loop) {
-  wait_for_space(loop, &loop->snapshots);
   gv_snapshot *snapshot = gv_ring_reserve(&loop->snapshots);
   if (!snapshot) return;
   gv_snapshot_fill(loop->session, loop->object_count, snapshot);
@@ -161,7 +165,8 @@ static gv_exit run(gv_loop *loop) {
   gv_exit reason;
   gv_frame command;
   for (int64_t step = 0; (reason = why_to_end(loop, step)) == GV_EXIT_RUNNING; step++) {
-    if (pace != GV_PACE_FREE) sleep_until(deadline_ns);
+    if (pace == GV_PACE_FREE) wait_for_space(loop);
+    else sleep_until(deadline_ns);
     const int64_t start_ns = clock_ns(CLOCK_MONOTONIC);
     loop->now_ns = pace == GV_PACE_LIVE ? start_ns : step * loop->cfg.period_ns;
     const int count = driver->poll(driver->self, loop->now_ns, loop->frame, GV_LOOP_FRAMES);
@@ -190,6 +195,7 @@ static void *loop_thread(void *argument) {
   const gv_exit reason = run(loop);
   count_faults(loop);
   ramp_down(loop);
+  if (loop->cfg.pace == GV_PACE_FREE) wait_for_space(loop);
   tell(loop, 0);
   atomic_store(&loop->exit, (int)reason);
   return NULL;

@@ -121,7 +121,15 @@ static double age_s(bool seen, int64_t time_ns, int64_t now_ns) {
   return seen ? (double)(now_ns - time_ns) * 1e-9 : HUGE_VAL;
 }
 
-static void step_safety(gv_session *session, unsigned frame_errors, unsigned overruns) {
+// A step that came late is one overrun however late it came: a shared machine stalls for 10 to 30 ms now and
+// then, and the device's watchdog has let go of the force by then. A stall beyond the largest age of a sample
+// is a fault at once: nobody knows where the hand was meanwhile, and frames that waited in a socket look fresh.
+static unsigned count_overruns(const gv_session *session, unsigned periods_skipped) {
+  if (periods_skipped * session->cfg.period_s > session->cfg.safety.max_age_s) return session->cfg.safety.overrun_limit + 1;
+  return periods_skipped > 0 ? 1 : 0;
+}
+
+static void step_safety(gv_session *session, unsigned frame_errors, unsigned periods_skipped) {
   const bool glove_held = session->glove_seen && (session->glove.flags & GV_GLOVE_DEAD_MAN);
   const bool device_held = !session->status_seen || (session->status.flags & GV_STATUS_DEAD_MAN);
   const gv_safety_input in = {
@@ -130,7 +138,7 @@ static void step_safety(gv_session *session, unsigned frame_errors, unsigned ove
     .dead_man = glove_held && device_held,
     .finite = all_finite(session->result.tension_n),
     .device_fault = session->status_seen && (session->status.flags & GV_STATUS_FAULT),
-    .bad_frames = frame_errors, .overruns = overruns,
+    .bad_frames = frame_errors, .overruns = count_overruns(session, periods_skipped),
     .desired_max_n = largest(session->result.tension_n),
   };
   gv_safety_step(&session->safety, &in, session->cfg.period_s);
@@ -161,15 +169,15 @@ static void update_ages(gv_session *session, int64_t now_ns) {
   session->hand_age_s = age_s(session->hand_seen, session->hand_time_ns, now_ns);
 }
 
-void gv_session_step(gv_session *session, int64_t now_ns, const gv_frame *frame, int count, unsigned overruns,
-                     gv_frame *out_command) {
+void gv_session_step(gv_session *session, int64_t now_ns, const gv_frame *frame, int count,
+                     unsigned periods_skipped, gv_frame *out_command) {
   const uint64_t errors_before = session->frames.errors;
   session->sample.glove_new = session->sample.pose_new = false;
   for (int i = 0; i < count; i++) take_frame(session, &frame[i], now_ns);
   fill_sample(session);
   update_ages(session, now_ns);
   gv_engine_step(session->engine, &session->sample, &session->result);
-  step_safety(session, (unsigned)(session->frames.errors - errors_before), overruns);
+  step_safety(session, (unsigned)(session->frames.errors - errors_before), periods_skipped);
   send_force(session, session->result.tension_n, out_command);
 }
 

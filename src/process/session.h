@@ -67,10 +67,10 @@ typedef struct gv_session {
 
 void gv_session_init(gv_session *session, const gv_session_config *cfg, gv_engine *engine);
 
-// One period at now_ns with the frames that came since the last one; `overruns`: periods skipped before
-// it. Always writes the command. Cost: the engine's step and below 2 us.
-void gv_session_step(gv_session *session, int64_t now_ns, const gv_frame *frame, int count, unsigned overruns,
-                     gv_frame *out_command);
+// One period at now_ns with the frames that came since the last one, and the number of periods that the
+// loop had to skip before it. Always writes the command. Cost: the engine's step and below 2 us.
+void gv_session_step(gv_session *session, int64_t now_ns, const gv_frame *frame, int count,
+                     unsigned periods_skipped, gv_frame *out_command);
 
 // One period of ending: no engine step, forces ramp to zero. Returns true when the command carries none any more.
 bool gv_session_stop(gv_session *session, int64_t now_ns, gv_frame *out_command);
