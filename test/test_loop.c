@@ -203,12 +203,12 @@ static gv_loop loop;
 static gv_session session;
 
 // One run of the loop on an empty world. Returns the number of engine steps.
-static uint64_t run_loop(fake *device, gv_pace pace, int64_t steps_max, bool stopped) {
+static uint64_t run_loop(fake *device, gv_pace pace, int64_t periods_max, bool stopped) {
   gv_driver driver = {device, poll_fake, send_fake, fake_ended, fake_stats, close_fake};
   gv_config config = gv_config_default();
   const gv_scene nothing = {.gravity_m_s2 = {0, 0, -9.81}};
   const gv_session_config session_config = {gv_limiter_config_default(), gv_safety_config_default(), GV_RIGHT, 0.001};
-  const gv_loop_config loop_config = {1000000, steps_max, pace, {.cpu = GV_CPU_ANY}};
+  const gv_loop_config loop_config = {1000000, periods_max, pace, {.cpu = GV_CPU_ANY}};
   const size_t size = gv_engine_size(&config, &nothing);
   void *memory = calloc(1, size);
   atomic_bool stop;
@@ -282,6 +282,13 @@ static void test_loop_skips_whole_periods(void) {
         (int)loop.overruns);
 }
 
+static void test_live_duration_is_time(void) {
+  fake device = {.polls = 1000, .mischief_at = 10, .mischief = sleep_in_the_loop};
+  int64_t steps = (int64_t)run_loop(&device, GV_PACE_LIVE, 30, false);
+  CHECK(loop.exit == GV_EXIT_DURATION, "%s", gv_exit_name((gv_exit)loop.exit));
+  CHECK(steps <= 27 && steps + (int64_t)loop.overruns >= 30, "%d steps and %d skipped periods", (int)steps, (int)loop.overruns);
+}
+
 int main(void) {
   RUN(test_heap_calls_are_counted);
   RUN(test_heap_calls_of_others_are_not_counted);
@@ -295,5 +302,6 @@ int main(void) {
   RUN(test_loop_counts_a_heap_call);
   RUN(test_loop_counts_a_page_fault);
   RUN(test_loop_skips_whole_periods);
+  RUN(test_live_duration_is_time);
   return check_done();
 }

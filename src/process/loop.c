@@ -113,7 +113,8 @@ static void tell(gv_loop *loop, int64_t step) {
 
 static gv_exit why_to_end(const gv_loop *loop, int64_t step) {
   if (atomic_load_explicit(loop->stop, memory_order_relaxed)) return GV_EXIT_SIGNAL;
-  if (loop->cfg.steps_max > 0 && step >= loop->cfg.steps_max) return GV_EXIT_DURATION;
+  const int64_t skipped = loop->cfg.pace == GV_PACE_LIVE ? (int64_t)loop->overruns : 0;
+  if (loop->cfg.periods_max > 0 && step + skipped >= loop->cfg.periods_max) return GV_EXIT_DURATION;
   return loop->driver->ended(loop->driver->self) ? GV_EXIT_END : GV_EXIT_RUNNING;
 }
 

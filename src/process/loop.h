@@ -27,7 +27,7 @@ enum {
 
 typedef struct gv_loop_config {
   int64_t period_ns;
-  int64_t steps_max;         // 0: until the driver ends or a signal comes
+  int64_t periods_max;       // skipped ones count in live pace; 0: until the driver ends or a signal comes
   gv_pace pace;
   gv_realtime_config realtime;
 } gv_loop_config;

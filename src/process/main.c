@@ -114,7 +114,7 @@ static void start_loop(program *p) {
   const gv_realtime_config realtime = {.priority = settings->rt_priority, .lock_memory = settings->mlock, .cpu = settings->cpu};
   const gv_loop_config loop = {
     .period_ns = (int64_t)(1e9 / settings->rate_hz + 0.5),
-    .steps_max = (int64_t)(p->options.duration_s * settings->rate_hz + 0.5),
+    .periods_max = (int64_t)(p->options.duration_s * settings->rate_hz + 0.5),
     .pace = p->pace,
     .realtime = p->pace == GV_PACE_FREE ? none : realtime,
   };
