@@ -89,7 +89,10 @@ void gv_engine_close(gv_engine *engine) {
 }
 
 void gv_engine_reset(gv_engine *e) {
+  const size_t n = (size_t)e->scene->piece_count;
   gv_condition_init(&e->condition, &e->cfg);
+  memset(e->limb_cache, 0, GV_LIMBS * n * sizeof *e->limb_cache);  // a warm start must not remember the last life
+  memset(e->piece_cache, 0, (n * n / 2 + 1) * sizeof *e->piece_cache);
   e->placed = false;
   e->contact_count = 0;
   memset(e->felt_f, 0, sizeof e->felt_f);

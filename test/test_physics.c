@@ -256,6 +256,27 @@ static void test_same_bits_twice(void) {
   CHECK(hash[0] == hash[1], "%llx %llx", hash[0], hash[1]);
 }
 
+static void test_reset_is_a_fresh_start(void) {
+  gv_pose box[2], tip[2];
+  lab l;
+  lab_start(&l);
+  lab_box(&l, gv_v3(1, 1, 0.04), gv_v3(0, 0, -0.02), 0, 0.8);
+  lab_box(&l, gv_v3(0.06, 0.06, 0.08), gv_v3(0.18, 0, 0.05), 0.2, 0.8);
+  lab_run(&l);
+  for (int life = 0; life < 2; life++) {
+    for (int i = 0; i < 400; i++) {
+      gv_sample s = lab_hand(&l, straight, wrist_at(-0.03 + 0.0002 * i, 0, 0.03));
+      lab_steps(&l, 1, &s);
+    }
+    box[life] = gv_engine_object_pose(l.engine, 1);
+    tip[life] = gv_engine_limb_pose(l.engine, GV_LIMB_MIDDLE + 2);
+    gv_engine_reset(l.engine);
+  }
+  CHECK(box[0].p.x > 0.181, "the box was pushed");
+  CHECK(!memcmp(&box[0], &box[1], sizeof *box) && !memcmp(&tip[0], &tip[1], sizeof *tip), "the second life differs");
+  gv_engine_close(l.engine);
+}
+
 int main(void) {
   RUN(test_free_fall);
   RUN(test_weight_on_the_table);
@@ -268,5 +289,6 @@ int main(void) {
   RUN(test_more_contacts_than_fit);
   RUN(test_arena_one_byte_too_small);
   RUN(test_same_bits_twice);
+  RUN(test_reset_is_a_fresh_start);
   return check_done();
 }
