@@ -10,8 +10,10 @@
 
 enum { POINTS = GV_MAX_HULL_VERTICES, TRIANGLES = 2 * POINTS, NONE = 0xffff };
 
-// Relative to the points' extent: nearer than this to a face is on it, and this far off a plane is in it.
-static const double on_face = 1e-10, in_plane = 1e-9;
+// Relative to the points' extent: this far off a plane is still in it. Rounded coordinates can make sides
+// that are flat or not depending on where one begins: then the next tolerance decides.
+static const double in_plane[] = {1e-9, 3e-8, 1e-6};
+enum { TOLERANCES = sizeof in_plane / sizeof in_plane[0] };
 
 typedef struct builder {
   gv_vec3 point[POINTS];
@@ -25,7 +27,7 @@ typedef struct builder {
   uint16_t corner[3 * TRIANGLES];     // of all polygons, before straight corners are left out
   uint16_t start[TRIANGLES + 1];
   gv_polytope polytope;
-  double size;
+  double size, in_plane;              // metres
   int count, polygons;
 } builder;
 
@@ -64,7 +66,7 @@ static int grow(builder *b) {
   gv_polytope *P = &b->polytope;
   uint16_t pick[4];
   *P = (gv_polytope){.point = b->point, .face = b->face, .edge = b->edge, .seen = b->seen, .link = b->link,
-                     .face_max = TRIANGLES + 2, .free_head = -1, .tolerance = on_face * b->size};
+                     .face_max = TRIANGLES + 2, .free_head = -1, .tolerance = 0.1 * b->in_plane};
   if (!gv_polytope_pick_tetrahedron(b->point, b->count, 1e-6 * b->size, pick)) return GV_HULL_FLAT;
   if (!gv_polytope_start(P, pick)) return GV_HULL_FLAT;
   for (int i = 0; i < b->count; i++) {
@@ -93,7 +95,7 @@ static int largest_unmerged(const builder *b) {
 static bool lies_in_plane(const builder *b, const gv_polytope_face *F, const gv_polytope_face *plane) {
   if (gv_dot(F->normal, plane->normal) < 0) return false;
   for (int k = 0; k < 3; k++)
-    if (fabs(gv_dot(plane->normal, b->point[F->vertex[k]]) - plane->offset) > in_plane * b->size) return false;
+    if (fabs(gv_dot(plane->normal, b->point[F->vertex[k]]) - plane->offset) > b->in_plane) return false;
   return true;
 }
 
@@ -171,13 +173,21 @@ static int drop_straight_corners(builder *b) {
 }
 
 static int check_polygons(const builder *b, int vertices) {
-  int corners = b->start[b->polygons];
+  int corners = b->start[b->polygons], error = 0;
   for (int f = 0; f < b->polygons; f++) {
     int sides = b->start[f + 1] - b->start[f];
     if (sides < 3) return GV_HULL_DEGENERATE;
-    if (sides > GV_MAX_FACE_VERTICES) return GV_HULL_POLYGON;
+    if (sides > GV_MAX_FACE_VERTICES) error = GV_HULL_POLYGON;
   }
-  return vertices - corners / 2 + b->polygons == 2 && corners % 2 == 0 ? 0 : GV_HULL_DEGENERATE;  // Euler
+  return vertices - corners / 2 + b->polygons == 2 && corners % 2 == 0 ? error : GV_HULL_DEGENERATE;  // Euler
+}
+
+static int build_polygons(builder *b, int *out_vertices) {
+  int error = grow(b);
+  if (!error) error = merge(b);
+  if (error) return error;
+  *out_vertices = drop_straight_corners(b);
+  return check_polygons(b, *out_vertices);
 }
 
 typedef struct arrays {
@@ -266,12 +276,13 @@ static int write_hull(const builder *b, int vertices, gv_arena *arena, gv_hull *
 
 int gv_hull_build(gv_arena *arena, const gv_vec3 *points, int count, gv_hull *out_hull) {
   builder b;
-  int error = take_points(&b, points, count);
-  if (!error) error = grow(&b);
-  if (!error) error = merge(&b);
+  int vertices = 0, error = take_points(&b, points, count);
   if (error) return error;
-  int vertices = drop_straight_corners(&b);
-  error = check_polygons(&b, vertices);
+  error = GV_HULL_DEGENERATE;
+  for (int i = 0; i < TOLERANCES && error == GV_HULL_DEGENERATE; i++) {
+    b.in_plane = in_plane[i] * b.size;
+    error = build_polygons(&b, &vertices);
+  }
   return error ? error : write_hull(&b, vertices, arena, out_hull);
 }
 

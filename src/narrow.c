@@ -155,9 +155,9 @@ static outcome walk(const gv_cso *cso, double limit, gv_vec3 *io_n, simplex *s, 
     gv_vec3 v_next;
     next.p[next.count++] = p;
     if (!solve_simplex(&next, &v_next)) return OVERLAP;
-    if (gv_norm2(v_next) >= far * far) break;  // as near as rounding allows
-    *s = next;
-    v = v_next;
+    double progress = far - gv_norm(v_next);
+    if (progress > 0) *s = next, v = v_next;
+    if (progress <= 1e-15 * gv_norm(p.w)) break;  // as near as rounding allows
   }
   *out_v = polish(s, v);
   return gv_norm(*out_v) <= touching ? OVERLAP : APART;
