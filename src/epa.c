@@ -8,8 +8,11 @@
 // is a true h(n) of a unit n, and the search ends when the bounds meet. The obstacle is a polyhedron, so
 // they meet exactly, after a few steps when the guess is the normal of the last time.
 // Pure; any thread.
-#include "cso.h"
+#include "narrow_simplex.h"
 #include "polytope.h"
+
+// Faces whose offsets differ by less are looked at for the point under the origin.
+static const double same_side = 1e-9;  // metres
 
 enum { SEEDS = 7, SWEEP_FACES = 256, SWEEP_EDGES = 64 };
 
@@ -24,7 +27,6 @@ typedef struct search {
   double size;            // largest |w| of the seeds, metres
   double best;            // least h so far
   gv_vec3 best_normal;
-  uint16_t best_vertex[3];// of the face that asked for it
 } search;
 
 static double ask(search *s, gv_vec3 n) {
@@ -94,10 +96,7 @@ static double expand(search *s, int *out_iterations) {
     lower = P->face[f].offset;
     if (lower >= s->best - tolerance) break;
     double h = ask(s, P->face[f].normal);
-    if (h < s->best) {
-      s->best = h, s->best_normal = P->face[f].normal;
-      for (int k = 0; k < 3; k++) s->best_vertex[k] = P->face[f].vertex[k];
-    }
+    if (h < s->best) s->best = h, s->best_normal = P->face[f].normal;
     if (h - lower <= tolerance) break;
     s->count++;
     if (!gv_polytope_add(P, (uint16_t)(s->count - 1), f)) P->face[f].offset = h;  // final: as close as rounding allows
@@ -106,18 +105,22 @@ static double expand(search *s, int *out_iterations) {
   return fmin(lower, s->best);
 }
 
-// The point of A under the origin: its weights in the triangle of the best face, kept inside it.
+// The point of A under the origin's foot on the best plane: of the triangles of that side, the one that holds it.
 static gv_vec3 find_on_a(const search *s) {
-  const uint16_t *v = s->best_vertex;
-  gv_vec3 a = s->w[v[0]], b = s->w[v[1]], c = s->w[v[2]], n = s->best_normal;
-  gv_vec3 p = gv_scale(n, s->best);
-  double wa = fmax(0, gv_dot(n, gv_cross(gv_sub(b, p), gv_sub(c, p))));
-  double wb = fmax(0, gv_dot(n, gv_cross(gv_sub(c, p), gv_sub(a, p))));
-  double wc = fmax(0, gv_dot(n, gv_cross(gv_sub(a, p), gv_sub(b, p))));
-  double sum = wa + wb + wc;
-  if (!(sum > 0)) return s->on_a[v[0]];
-  gv_vec3 r = gv_scale(s->on_a[v[0]], wa / sum);
-  return gv_mad(gv_mad(r, wb / sum, s->on_a[v[1]]), wc / sum, s->on_a[v[2]]);
+  const gv_polytope *P = &s->polytope;
+  double least = HUGE_VAL;
+  gv_vec3 on_a = s->on_a[0], foot = gv_scale(s->best_normal, s->best);
+  for (int f = 0; f < P->face_count; f++) {
+    if (!gv_polytope_alive(P, f) || P->face[f].offset > s->best + same_side) continue;
+    gv_simplex side = {.count = 3};
+    for (int k = 0; k < 3; k++) {
+      uint16_t v = P->face[f].vertex[k];
+      side.p[k] = (gv_cso_point){s->w[v], s->on_a[v]};
+    }
+    double off = gv_norm(gv_sub(gv_simplex_solve_triangle(&side), foot));
+    if (off < least) least = off, on_a = gv_simplex_on_a(&side);
+  }
+  return on_a;
 }
 
 bool gv_epa_run(const gv_cso *cso, gv_vec3 guess, gv_epa_result *out) {

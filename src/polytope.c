@@ -15,25 +15,28 @@ static double distance_to_line2(gv_vec3 p, gv_vec3 a, gv_vec3 direction) {
 bool gv_polytope_pick_tetrahedron(const gv_vec3 *point, int count, double tolerance, uint16_t out_pick[4]) {
   int a = 0, b = 0, c = 0, d = 0;
   double best = 0;
+  for (int k = 0; k < 4; k++) out_pick[k] = 0;
   for (int i = 1; i < count; i++) {
     double far = gv_norm2(gv_sub(point[i], point[a]));
     if (far > best) best = far, b = i;
   }
-  if (sqrt(best) <= tolerance) return false;
+  out_pick[1] = (uint16_t)b;
+  if (!(sqrt(best) > tolerance)) return false;
   gv_vec3 along = gv_scale(gv_sub(point[b], point[a]), 1.0 / sqrt(best));
   best = 0;
   for (int i = 0; i < count; i++) {
     double far = distance_to_line2(point[i], point[a], along);
     if (far > best) best = far, c = i;
   }
-  if (sqrt(best) <= tolerance) return false;
+  out_pick[2] = (uint16_t)c;
+  if (!(sqrt(best) > tolerance)) return false;
   gv_vec3 n = gv_normalize_or(gv_cross(along, gv_sub(point[c], point[a])), gv_v3(0, 0, 1));
   best = 0;
   for (int i = 0; i < count; i++) {
     double far = fabs(gv_dot(n, gv_sub(point[i], point[a])));
     if (far > best) best = far, d = i;
   }
-  out_pick[0] = (uint16_t)a, out_pick[1] = (uint16_t)b, out_pick[2] = (uint16_t)c, out_pick[3] = (uint16_t)d;
+  out_pick[3] = (uint16_t)d;
   return best > tolerance;
 }
 

@@ -38,7 +38,8 @@ typedef struct gv_polytope {
 
 static inline bool gv_polytope_alive(const gv_polytope *P, int face) { return P->face[face].state != 0; }
 
-// Four of the `count` points that span a volume, far apart; false where all lie within `tolerance` of a plane.
+// Four of the `count` points that span a volume, far apart; false where all lie within `tolerance` of a plane
+// (the first three then span it, or some of them are the same).
 bool gv_polytope_pick_tetrahedron(const gv_vec3 *point, int count, double tolerance, uint16_t out_pick[4]);
 // Start with the tetrahedron of four points (any orientation); false where a face has no area.
 bool gv_polytope_start(gv_polytope *P, const uint16_t pick[4]);

@@ -117,7 +117,7 @@ static inline oracle oracle_overlap(const solid *a, const solid *b) {
 
 static inline void oracle_nearer(oracle *o, gv_vec3 from_b_to_a) {
   double d = gv_norm(from_b_to_a);
-  if (d < o->distance) o->distance = d, o->normal = gv_scale(from_b_to_a, 1 / d);
+  if (d < o->distance) o->distance = d, o->normal = gv_normalize_or(from_b_to_a, gv_v3(0, 0, 1));
 }
 
 static inline gv_vec3 nearest_on_edge(gv_vec3 p, gv_vec3 a, gv_vec3 b) {
@@ -128,7 +128,7 @@ static inline gv_vec3 nearest_on_edge(gv_vec3 p, gv_vec3 a, gv_vec3 b) {
 
 static inline void oracle_vertex_face(oracle *o, const solid *s, int f, gv_vec3 p, double sign) {
   double height = gv_dot(s->n[f], gv_sub(p, s->v[s->corner[s->start[f]]]));
-  if (height < 0) return;
+  if (height < -1e-12) return;  // known to be apart: in front, rounding aside
   gv_vec3 foot = gv_mad(p, -height, s->n[f]);
   int sides = s->start[f + 1] - s->start[f];
   for (int k = 0; k < sides; k++) {
@@ -149,8 +149,7 @@ static inline void oracle_edges(oracle *o, const solid *a, int i, const solid *b
   if (n2 <= 1e-20 * gv_norm2(e) * gv_norm2(f)) return;  // parallel: the ends have it
   double t = gv_dot(gv_cross(f, r), n) / n2, u = gv_dot(gv_cross(e, r), n) / n2;
   if (t < 0 || t > 1 || u < 0 || u > 1) return;
-  double d = gv_dot(r, n) / sqrt(n2);
-  if (fabs(d) < o->distance) o->distance = fabs(d), o->normal = gv_scale(n, (d < 0 ? -1 : 1) / sqrt(n2));
+  oracle_nearer(o, gv_sub(gv_mad(p, t, e), gv_mad(q, u, f)));
 }
 
 static inline oracle oracle_apart(const solid *a, const solid *b) {
