@@ -99,6 +99,7 @@ static double expand(search *s, int *out_iterations) {
     if (h < s->best) s->best = h, s->best_normal = P->face[f].normal;
     if (h - lower <= tolerance) break;
     s->count++;
+    if (lower > 0) P->least_offset = lower - 1e-10 * s->size;  // the ball of that radius is inside already
     if (!gv_polytope_add(P, (uint16_t)(s->count - 1), f)) P->face[f].offset = h;  // final: as close as rounding allows
   }
   *out_iterations = i;
@@ -129,7 +130,7 @@ bool gv_epa_run(const gv_cso *cso, gv_vec3 guess, gv_epa_result *out) {
   s.count = 0;
   s.size = 0;
   s.polytope = (gv_polytope){.point = s.w, .face = s.face, .edge = s.edge, .seen = s.seen, .link = s.link,
-                             .face_max = GV_EPA_MAX_FACES, .free_head = -1};
+                             .face_max = GV_EPA_MAX_FACES, .free_head = -1, .least_offset = -HUGE_VAL};
   ask_seeds(&s, guess);
   if (!start_polytope(&s)) return false;
   s.polytope.tolerance = 1e-12 * s.size;

@@ -66,7 +66,7 @@ static int grow(builder *b) {
   gv_polytope *P = &b->polytope;
   uint16_t pick[4];
   *P = (gv_polytope){.point = b->point, .face = b->face, .edge = b->edge, .seen = b->seen, .link = b->link,
-                     .face_max = TRIANGLES + 2, .free_head = -1, .tolerance = 0.1 * b->in_plane};
+                     .face_max = TRIANGLES + 2, .free_head = -1, .tolerance = 0.1 * b->in_plane, .least_offset = -HUGE_VAL};
   if (!gv_polytope_pick_tetrahedron(b->point, b->count, 1e-6 * b->size, pick)) return GV_HULL_FLAT;
   if (!gv_polytope_start(P, pick)) return GV_HULL_FLAT;
   for (int i = 0; i < b->count; i++) {

@@ -128,6 +128,7 @@ static bool plan_fan(gv_polytope *P, uint16_t point, int edges) {
   for (int e = 0; e < edges; e++) {
     gv_polytope_edge *E = &P->edge[e];
     if (!find_plane(P->point[E->from], P->point[E->to], P->point[point], &E->normal, &E->offset)) return false;
+    if (E->offset < P->least_offset) return false;
   }
   return true;
 }

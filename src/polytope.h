@@ -34,6 +34,7 @@ typedef struct gv_polytope {
   int face_max, face_count; // face_count: slots in use, dead ones included
   int free_head;          // list of dead slots, -1: none
   double tolerance;       // metres: a point less than this outside a face lies on it
+  double least_offset;    // of a new face: a smaller one is a triangle that rounding has turned over
 } gv_polytope;
 
 static inline bool gv_polytope_alive(const gv_polytope *P, int face) { return P->face[face].state != 0; }
@@ -46,7 +47,7 @@ bool gv_polytope_start(gv_polytope *P, const uint16_t pick[4]);
 // The living face that the point lies farthest outside of; -1 where it lies inside or on all faces.
 int gv_polytope_most_visible(const gv_polytope *P, gv_vec3 point);
 // Add a point outside the living face `seed`. False, and nothing changed, where the surface would not stay a
-// closed surface of true triangles, or has no room.
+// closed surface of true triangles no nearer than `least_offset`, or has no room.
 bool gv_polytope_add(gv_polytope *P, uint16_t point, int seed);
 
 #endif
