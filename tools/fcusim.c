@@ -13,6 +13,7 @@
 #include "gloved/sim.h"
 
 #include <errno.h>
+#include <sched.h>
 #include <signal.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -20,6 +21,9 @@
 #include <time.h>
 
 enum { PERIOD_NS = 1000000, BUNDLE = 16 };  // 16 frames fit one datagram
+// A recording stays in memory until it is this long (4 minutes): a disk makes a writer wait half a second.
+enum { RECORD_BYTES = 64 << 20 };
+static char record_buffer[RECORD_BYTES];
 
 typedef struct options {
   const char *udp, *script, *record, *report;
@@ -122,6 +126,12 @@ static void sleep_until(int64_t ns) {
   while (clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &t, NULL) == EINTR && !interrupted) {}
 }
 
+// Real-time scheduling where the machine lets us, below the engine's: a device does not wait for a desktop.
+static void raise_priority(void) {
+  struct sched_param p = {.sched_priority = 10};
+  sched_setscheduler(0, SCHED_FIFO, &p);
+}
+
 static void receive(int64_t device_ns) {
   gv_frame frame[BUNDLE];
   int n;
@@ -210,6 +220,8 @@ int main(int argc, char **argv) {
     fprintf(stderr, "fcusim: %s: %s; give a file that can be written\n", o.record, strerror(errno));
     return 2;
   }
+  if (all.record) setvbuf(all.record, record_buffer, _IOFBF, sizeof record_buffer);
+  raise_priority();
   signal(SIGINT, on_signal);
   signal(SIGTERM, on_signal);
   gv_sim_init(&all.sim, &all.script, NULL, o.seed);
