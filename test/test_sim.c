@@ -2,6 +2,7 @@
 // The simulated device against what is known without it: the static deviation T r / k of a finger, the
 // watchdog's time, the inverse of the calibration, the figures of real recordings (DESIGN.md, "Devices"),
 // and what must never become a force.
+#include <dirent.h>
 #include <string.h>
 
 #include "check.h"
@@ -327,6 +328,27 @@ static void test_bad_scripts_say_where(void) {
   CHECK(gv_sim_script_load("data/scripts/none.user", &script, err, sizeof err) < 0 && strstr(err, "none.user"), "%s", err);
 }
 
+static void test_scripts_of_the_project_load(void) {
+  DIR *folder = opendir("data/scripts");
+  int scripts = 0;
+  CHECK(folder != NULL, "run it from the project's folder");
+  for (struct dirent *entry; folder && (entry = readdir(folder));) {
+    char path[300];
+    if (!strstr(entry->d_name, ".user")) continue;
+    snprintf(path, sizeof path, "data/scripts/%s", entry->d_name);
+    CHECK(gv_sim_script_load(path, &script, err, sizeof err) == 0, "%s", err);
+    CHECK(!script.keyframe[0].dead_man && !script.keyframe[script.keyframe_count - 1].dead_man, "%s: begins or ends with the switch held", path);
+    gv_hand_model hand = gv_hand_model_default(script.side);
+    for (int k = 0; k < script.keyframe_count; k++)
+      for (int i = 0; i < GV_SENSORS; i++)
+        CHECK(script.keyframe[k].angle_rad[i] >= hand.angle_min_rad[i] - 0.002 && script.keyframe[k].angle_rad[i] <= hand.angle_max_rad[i] + 0.002,
+              "%s: %s at %g s is beyond anatomy", path, gv_sensor_name(i), script.keyframe[k].time_s);
+    scripts++;
+  }
+  if (folder) closedir(folder);
+  CHECK(scripts >= 7, "%d scripts", scripts);
+}
+
 static void test_driver(void) {
   static const char *const bad[] = {"sim", "sim:none.user", "sim:?device=worst", "sim:?seed=0", "sim:?seed", "sim:?loss_chance=2", "sim:?glove_hz_min=2000"};
   gv_driver driver;
@@ -364,6 +386,7 @@ int main(void) {
   RUN(test_repeated_command_feeds_no_watchdog);
   RUN(test_script_curve);
   RUN(test_bad_scripts_say_where);
+  RUN(test_scripts_of_the_project_load);
   RUN(test_driver);
   return check_done();
 }
