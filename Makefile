@@ -36,6 +36,25 @@ TEST_PACKAGES := $(RUN_PACKAGES) clang python3-venv can-utils
 run: $(B)/gloved $(B)/fcusim
 	$(Q)B=$(B) tools/demo
 
+## view: the demo in a browser, in 3D (420 MB at first use: Drake's viewer)
+view: build/venv-view/.done $(B)/gloved
+	$(Q)B=$(B) tools/view $(SCRIPT) $(SCENE)
+
+## test-view: the 3D view in a real browser (Chromium, without a display), pictures checked
+test-view: build/.browser-packages build/venv-view/.done $(B)/gloved
+	$(Q)PYTHON=build/venv-view/bin/python B=$(B) test/run browser
+
+# Drake's viewer in the version that it was tried with, and what drives the browser in the test.
+build/venv-view/.done: build/.test-packages
+	@echo "  VENV build/venv-view (420 MB)"
+	$(Q)python3 -m venv build/venv-view
+	$(Q)build/venv-view/bin/pip install -q --disable-pip-version-check drake==1.51.1 pyyaml websocket-client pillow
+	@touch $@
+build/.browser-packages: build/.run-packages
+	$(Q)tools/packages chromium
+	@touch $@
+.PHONY: view test-view
+
 ## test: build and run every test
 test: build/.test-packages build/venv/.done
 	$(Q)$(MAKE) --no-print-directory all

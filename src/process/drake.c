@@ -23,15 +23,15 @@ enum { MERIDIANS = 12, PARALLELS = 6, TIP_SIDES = 6 };
 
 static const double tiny_m = 1e-4;            // instead of zero
 static const double dot_radius_m = 0.0022, shaft_radius_m = 0.0011, tip_radius_m = 0.0028, tip_length_m = 0.008;
-static const double shaft_m[GV_DRAKE_SHAFTS] = {0.015, 0.015, 0.030}; // each at most as long as those before it together
-static const double force_scale_m_per_n = 0.015;
+static const double shaft_m[GV_DRAKE_SHAFTS] = {0.02, 0.02, 0.04, 0.08}; // each at most as long as those before it together
+static const double force_scale_m_per_n = 0.025, arrow_max_m = 0.168;
 static const double head_depth_m = 0.12, head_half_m = 0.05;
 
-static const float hand_color[4] = {0.93f, 0.72f, 0.58f, 0.80f}, glove_color[4] = {0.35f, 0.55f, 0.95f, 0.15f},
-                   static_color[4] = {0.72f, 0.74f, 0.78f, 1.0f}, dot_color[4] = {0.85f, 0.10f, 0.10f, 1.0f},
+static const float hand_color[4] = {0.93f, 0.72f, 0.58f, 0.65f}, glove_color[4] = {0.35f, 0.55f, 0.95f, 0.15f},
+                   static_color[4] = {0.55f, 0.57f, 0.62f, 1.0f}, dot_color[4] = {0.85f, 0.10f, 0.10f, 1.0f},
                    force_color[4] = {0.10f, 0.45f, 0.10f, 1.0f}, head_color[4] = {0.30f, 0.30f, 0.35f, 0.35f};
-static const float object_color[4][4] = {{0.95f, 0.60f, 0.15f, 1.0f}, {0.25f, 0.60f, 0.75f, 1.0f},
-                                         {0.60f, 0.70f, 0.25f, 1.0f}, {0.75f, 0.40f, 0.65f, 1.0f}};
+static const float object_color[4][4] = {{0.25f, 0.60f, 0.75f, 1.0f}, {0.60f, 0.70f, 0.25f, 1.0f},
+                                         {0.55f, 0.45f, 0.75f, 1.0f}, {0.85f, 0.55f, 0.20f, 1.0f}};
 
 static const gv_quat z_to_x = {0.70710678118654752, 0.0, 0.70710678118654752, 0.0}; // a quarter turn about y
 static const gv_pose hidden = {{1.0, 0.0, 0.0, 0.0}, {0.0, 0.0, -100.0}};
@@ -169,11 +169,12 @@ static int fair_share(const gv_scene *scene, int room) {
 }
 
 static void add_objects(gv_drake *drake, const gv_scene *scene) {
+  int color = 0;
   const int share = fair_share(scene, GV_DRAKE_NUMBERS - drake->number_count);
   for (int i = 0; i < scene->object_count; i++) {
     const gv_object *object = &scene->object[i];
     const gv_mesh mesh = mesh_of(scene, i);
-    gv_drake_link *link = add_link(drake, GV_DRAKE_MESH, object->is_static ? static_color : object_color[i % 4], "objects", object->name);
+    gv_drake_link *link = add_link(drake, GV_DRAKE_MESH, object->is_static ? static_color : object_color[color++ % 4], "objects", object->name);
     link->number_count = gv_thin_mesh(&mesh, &drake->number[drake->number_count], share);
     drake->number_count += link->number_count;
   }
@@ -205,7 +206,7 @@ static gv_quat turn_z_onto(gv_vec3 n) {
 // A force from p on: shafts that reach from p to the arrow's head. One that would be longer than the whole is
 // left away; the rest covers it, since each shaft is at most as long as all before it together.
 static void place_arrow(gv_pose *part, gv_vec3 p, gv_vec3 force_n) {
-  const double length = fmin(gv_norm(force_n) * force_scale_m_per_n, tip_length_m + shaft_m[0] + shaft_m[1] + shaft_m[2]);
+  const double length = fmin(gv_norm(force_n) * force_scale_m_per_n, arrow_max_m);
   const double shaft = length - tip_length_m;
   const gv_vec3 n = gv_normalize_or(force_n, gv_v3(0, 0, 1));
   const gv_quat q = turn_z_onto(n);

@@ -82,7 +82,8 @@ static int open_telemetry(program *p) {
   gv_settings defaults;
   gv_settings_default(&defaults);
   const bool required = p->options.lcm || strcmp(p->settings.lcm, defaults.lcm) != 0;
-  p->telemetry = gv_telemetry_open(p->settings.lcm, required, p->options.log, &p->scene, p->err, sizeof p->err);
+  p->telemetry = gv_telemetry_open(p->settings.lcm, required, p->options.log, &p->scene, &p->settings.engine.hand,
+                                   p->err, sizeof p->err);
   if (p->telemetry && p->err[0]) fprintf(stderr, "gloved: going on without LCM: %s\n", p->err);
   return p->telemetry ? 0 : -1;
 }

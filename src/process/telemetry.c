@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// Snapshots to LCM messages (data/lcm/*.lcm): channels GLOVED_STATE and GLOVED_EVENT, and the same bytes into
-// a log file that lcm-logplayer and lcm-spy read. The only file that knows LCM. Slow thread: lcm_publish is a
-// mutex and a blocking sendmsg. Messages are encoded into a static buffer and never allocate here
-// (the generated *_publish calls malloc for each).
+// Snapshots to LCM messages (data/lcm/*.lcm): channels GLOVED_STATE and GLOVED_EVENT, the picture for Drake's
+// viewer (DRAKE_VIEWER_LOAD_ROBOT, DRAKE_VIEWER_DRAW), and the same bytes into a log file that lcm-logplayer
+// and lcm-spy read. The only file that knows LCM. Slow thread: lcm_publish is a mutex and a blocking sendmsg.
+// Messages are encoded into a static buffer and never allocate here (the generated *_publish calls malloc for each).
 #include "telemetry.h"
 
 #include <fcntl.h>
@@ -13,13 +13,30 @@
 #include <string.h>
 #include <unistd.h>
 
+#include "drake.h"
 #include "gloved_event_t.h"
 #include "gloved_state_t.h"
+#include "gloved_viewer_draw_t.h"
+#include "gloved_viewer_load_t.h"
 
-// The largest state: 16 limbs, 64 objects, 128 contacts. LCM's fragments get lost above 65 kB.
-enum { MESSAGE_MAX = 32768 };
+// LCM's fragments get lost above 65 kB. The largest state: 16 limbs, 64 objects, 128 contacts.
+enum { MESSAGE_MAX = 64000, DRAW_US = 50000, LOAD_US = 1000000 };
 _Static_assert(1200 + GV_LIMBS * 160 + GV_MAX_OBJECTS * (4 + GV_MAX_NAME + 1 + 104) + GV_MAX_CONTACTS * 92 < MESSAGE_MAX,
                "GLOVED_STATE does not fit its buffer");
+_Static_assert(GV_DRAKE_LINKS * 56 + GV_DRAKE_LINKS * 16 + 4 * GV_DRAKE_NUMBERS < MESSAGE_MAX,
+               "DRAKE_VIEWER_LOAD_ROBOT does not fit its buffer");
+
+// The viewer's messages: they point into gv_drake and into these arrays.
+typedef struct viewer {
+  gv_drake drake;
+  int64_t next_draw_us, next_load_us; // utime of the next messages
+  gloved_viewer_geometry_t geometry[GV_DRAKE_LINKS];
+  gloved_viewer_link_t link[GV_DRAKE_LINKS];
+  char *name[GV_DRAKE_LINKS];
+  int32_t robot[GV_DRAKE_LINKS];
+  float position[GV_DRAKE_LINKS][3], quaternion[GV_DRAKE_LINKS][4];
+  float *position_row[GV_DRAKE_LINKS], *quaternion_row[GV_DRAKE_LINKS];
+} viewer;
 
 struct gv_telemetry {
   lcm_t *lcm;                // null: not published
@@ -30,6 +47,7 @@ struct gv_telemetry {
   gloved_state_t state;
   gloved_object_t object[GV_MAX_OBJECTS];
   gloved_contact_t contact[GV_MAX_CONTACTS];
+  viewer viewer;
   uint8_t message[MESSAGE_MAX];
 };
 
@@ -139,6 +157,67 @@ static void put_contacts(gv_telemetry *telemetry, const gv_snapshot *snapshot) {
   }
 }
 
+// ---- the viewer's picture -------------------------------------------------------------------------------
+
+static void put_quat(gv_quat q, float out[4]) {
+  out[0] = (float)q.w;
+  out[1] = (float)q.x;
+  out[2] = (float)q.y;
+  out[3] = (float)q.z;
+}
+
+static void point_viewer(viewer *v) {
+  static char no_file[] = "";
+  for (int i = 0; i < v->drake.link_count; i++) {
+    gv_drake_link *link = &v->drake.link[i];
+    v->geometry[i] = (gloved_viewer_geometry_t){.type = (int8_t)link->type, .string_data = no_file, .num_float_data = link->number_count,
+                                                .float_data = &v->drake.number[link->number_first]};
+    put_quat(link->q_link_shape, v->geometry[i].quaternion);
+    memcpy(v->geometry[i].color, link->color, sizeof link->color);
+    v->link[i] = (gloved_viewer_link_t){.name = link->name, .num_geom = link->number_count > 0, .geom = &v->geometry[i]};
+    v->name[i] = link->name;
+    v->position_row[i] = v->position[i];
+    v->quaternion_row[i] = v->quaternion[i];
+  }
+}
+
+static void send_load(gv_telemetry *telemetry, int64_t utime) {
+  viewer *v = &telemetry->viewer;
+  const gloved_viewer_load_t load = {.num_links = v->drake.link_count, .link = v->link};
+  send_message(telemetry, "DRAKE_VIEWER_LOAD_ROBOT", utime, gloved_viewer_load_t_encode(telemetry->message, 0, MESSAGE_MAX, &load));
+}
+
+static void send_draw(gv_telemetry *telemetry, const gv_snapshot *snapshot) {
+  viewer *v = &telemetry->viewer;
+  gv_drake_update(&v->drake, snapshot);
+  for (int i = 0; i < v->drake.link_count; i++) {
+    const gv_pose *T = &v->drake.T_world_link[i];
+    v->position[i][0] = (float)T->p.x;
+    v->position[i][1] = (float)T->p.y;
+    v->position[i][2] = (float)T->p.z;
+    put_quat(T->q, v->quaternion[i]);
+  }
+  const gloved_viewer_draw_t draw = {.timestamp = (int64_t)(snapshot->time_s * 1e3), .num_links = v->drake.link_count,
+                                     .link_name = v->name, .robot_num = v->robot, .position = v->position_row,
+                                     .quaternion = v->quaternion_row};
+  send_message(telemetry, "DRAKE_VIEWER_DRAW", snapshot->utime, gloved_viewer_draw_t_encode(telemetry->message, 0, MESSAGE_MAX, &draw));
+}
+
+// When `utime` reached *next: true, and *next is moved on by whole periods.
+static bool is_due(int64_t *next, int64_t utime, int64_t period) {
+  if (utime < *next) return false;
+  *next = utime - *next < period ? *next + period : utime + period;
+  return true;
+}
+
+// A viewer that starts later shows nothing before it gets the shapes, and then poses: in this order.
+static void send_picture(gv_telemetry *telemetry, const gv_snapshot *snapshot) {
+  viewer *v = &telemetry->viewer;
+  if (!is_due(&v->next_draw_us, snapshot->utime, DRAW_US)) return;
+  if (is_due(&v->next_load_us, snapshot->utime, LOAD_US)) send_load(telemetry, snapshot->utime);
+  send_draw(telemetry, snapshot);
+}
+
 // ---- public ------------------------------------------------------------------------------------------
 
 void gv_telemetry_snapshot(gv_telemetry *telemetry, const gv_loop *loop, const gv_snapshot *snapshot) {
@@ -156,6 +235,7 @@ void gv_telemetry_snapshot(gv_telemetry *telemetry, const gv_loop *loop, const g
   put_objects(telemetry, snapshot);
   put_contacts(telemetry, snapshot);
   send_message(telemetry, "GLOVED_STATE", state->utime, gloved_state_t_encode(telemetry->message, 0, MESSAGE_MAX, state));
+  send_picture(telemetry, snapshot);
 }
 
 void gv_telemetry_record(gv_telemetry *telemetry, const gv_record *record) {
@@ -192,10 +272,12 @@ static lcm_t *create_quietly(const char *url) {
 }
 
 gv_telemetry *gv_telemetry_open(const char *lcm_url, bool lcm_required, const char *log_path, const gv_scene *scene,
-                                char *err, size_t err_size) {
+                                const gv_hand_model *hand, char *err, size_t err_size) {
   static gv_telemetry telemetry;
   telemetry = (gv_telemetry){.scene = scene};
   point_into(&telemetry);
+  gv_drake_init(&telemetry.viewer.drake, hand, scene);
+  point_viewer(&telemetry.viewer);
   *err = '\0';
   if (log_path && !(telemetry.log = lcm_eventlog_create(log_path, "w"))) {
     snprintf(err, err_size, "%s: the log file cannot be written; choose another place for --log", log_path);

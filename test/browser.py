@@ -1,0 +1,173 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""The 3D view as a person sees it: gloved, Drake's viewer and headless Chromium; the pictures are checked for the
+hand, the object, the forces and for movement, and kept in $B/test/view. Not part of `make test`: make test-view."""
+import base64
+import io
+import json
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+import urllib.request
+
+import websocket
+from PIL import Image, ImageChops
+
+B = os.environ["B"]
+URL = "udpm://239.255.76.67:7778?ttl=0"  # a port of its own: a running viewer is not disturbed
+PORT, CDP_PORT = 7018, 9318
+SCRIPT, SCENE = "data/scripts/power_box.user", "data/scenes/box.scene"
+PICTURES = os.path.join(B, "test", "view")
+FLAGS = """--headless --no-sandbox --disable-gpu --use-angle=swiftshader --enable-unsafe-swiftshader --disable-quic
+--no-first-run --disable-background-networking --disable-component-update --disable-sync --window-size=1280,800
+--remote-allow-origins=*""".split()
+failed = False
+
+
+def verdict(name, why):
+    global failed
+    print(f"ok {name}" if not why else f"  {why}\nFAIL {name}", flush=True)
+    failed |= bool(why)
+
+
+def start_viewer():
+    viewer = subprocess.Popen([sys.executable, "tools/viewer.py", "--port", str(PORT)], stdout=subprocess.PIPE,
+                              stderr=subprocess.STDOUT, text=True, env=dict(os.environ, LCM_DEFAULT_URL=URL))
+    for line in viewer.stdout:
+        if "open http" in line:
+            return viewer
+    raise RuntimeError("the viewer did not start")
+
+
+def start_engine(options="", duration=None):
+    command = [B + "/gloved", "--fcu", f"sim:{SCRIPT}{options}", "--scene", SCENE, "--lcm", URL, "--no-rt"]
+    return subprocess.Popen(command + (["--duration", str(duration)] if duration else []),
+                            stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+
+
+def stop(process):
+    process.send_signal(signal.SIGINT)
+    try:
+        process.wait(10)
+    except subprocess.TimeoutExpired:
+        process.kill()
+        process.wait()
+
+
+class Browser:
+    """Chromium by its remote debugging port."""
+
+    def __init__(self, folder, url):
+        self.process = subprocess.Popen(["chromium", *FLAGS, f"--user-data-dir={folder}", f"--remote-debugging-port={CDP_PORT}", url],
+                                        stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        self.socket = websocket.create_connection(self.page(), timeout=60)
+        self.number = 0
+
+    @staticmethod
+    def page():
+        for _ in range(120):
+            try:
+                pages = json.load(urllib.request.urlopen(f"http://127.0.0.1:{CDP_PORT}/json"))
+                return next(p for p in pages if p["type"] == "page")["webSocketDebuggerUrl"]
+            except (OSError, StopIteration):
+                time.sleep(0.25)
+        raise RuntimeError("Chromium did not start")
+
+    def picture(self, name):
+        self.number += 1
+        self.socket.send(json.dumps({"id": self.number, "method": "Page.captureScreenshot", "params": {"format": "png"}}))
+        while True:
+            answer = json.loads(self.socket.recv())
+            if answer.get("id") == self.number:
+                break
+        data = base64.b64decode(answer["result"]["data"])
+        os.makedirs(PICTURES, exist_ok=True)
+        with open(os.path.join(PICTURES, name + ".png"), "wb") as file:
+            file.write(data)
+        # Without the "Open Controls" button.
+        return Image.open(io.BytesIO(data)).convert("RGB").crop((0, 40, 1000, 650))
+
+
+def count(image, wanted):
+    return sum(n for n, color in image.getcolors(1 << 24) if wanted(*color))
+
+
+def skin(r, g, b):
+    return r > 150 and r - b > 18 and r >= g >= b
+
+
+def paint(r, g, b):  # of the first object that can move
+    return b - r > 60 and g - r > 30
+
+
+def arrow(r, g, b):
+    return g - r > 25 and g - b > 25
+
+
+def changed(a, b):
+    return sum(ImageChops.difference(a, b).convert("L").point(lambda v: 255 if v > 12 else 0).histogram()[255:])
+
+
+def check_pictures(pictures):
+    seen = [(count(p, skin), count(p, paint), count(p, arrow)) for p in pictures]
+    moved = [changed(a, b) for a, b in zip(pictures, pictures[1:])]
+    print(f"  pixels of hand, object, forces: {seen}; changed between pictures: {moved}")
+    verdict("the_hand_is_seen", "" if max(s[0] for s in seen) > 3000 else str(seen))
+    verdict("the_object_is_seen", "" if max(s[1] for s in seen) > 1000 else str(seen))
+    verdict("forces_are_seen", "" if max(s[2] for s in seen) > 60 else str(seen))
+    verdict("the_picture_moves", "" if max(moved) > 2000 else str(moved))
+
+
+def look(folder, viewer_first):
+    """Pictures of one whole grasp; whether both programs lived on."""
+    if viewer_first:
+        viewer = start_viewer()
+        engine = start_engine()
+    else:
+        engine = start_engine()
+        time.sleep(2)
+        viewer = start_viewer()
+    browser = Browser(folder, f"http://localhost:{PORT}")
+    order = "viewer_first" if viewer_first else "engine_first"
+    pictures = []
+    try:
+        while engine.poll() is None and len(pictures) < 9:
+            time.sleep(1)
+            pictures.append(browser.picture(f"{order}-{len(pictures)}"))
+        pictures.append(browser.picture(f"{order}-end"))
+        verdict(f"viewer_lives_{order}", "" if viewer.poll() is None else viewer.stdout.read()[-500:])
+        check_pictures(pictures)
+    finally:
+        browser.process.terminate()
+        browser.process.wait()
+        stop(engine)
+        stop(viewer)
+
+
+def check_faults():
+    """A run that ends in a fault, one killed in the middle, then a sound one: the viewer shows them all."""
+    viewer = start_viewer()
+    stop(start_engine("?loss_chance=0.3", 3))
+    for duration in (2, 1):
+        engine = start_engine("?loss_chance=0.3&jump_chance=0.2&noise_rad=0.2", duration)
+        engine.wait()
+    engine = start_engine()
+    time.sleep(1.5)
+    engine.kill()
+    engine.wait()
+    start_engine("", 1.5).wait()
+    verdict("viewer_lives_through_faults", "" if viewer.poll() is None else viewer.stdout.read()[-500:])
+    stop(viewer)
+
+
+def main():
+    for viewer_first in (True, False):
+        with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
+            look(folder, viewer_first)
+    check_faults()
+    return 1 if failed else 0
+
+
+sys.exit(main())
