@@ -23,7 +23,7 @@ wall core_has_no_library_trigonometry '\b(sin|cos|tan|asin|acos|atan|atan2|exp|l
 wall core_knows_no_process_or_driver '#include "(process|drivers)/|#include "gloved/(drivers|frame|fcu)\.h"' $core
 wall drivers_know_no_engine '#include "gloved/(engine|narrow|scene|shape|safety)\.h"|process/' $drivers
 only one_file_knows_ode '#include <ode/' 'src/dynamics\.c'
-only one_file_knows_ccd '#include <ccd/' 'src/narrow\.c'
+only one_file_knows_ccd '#include <ccd/' 'src/narrow_simplex\.c'
 only one_file_knows_lcm '#include <lcm/|#include "gloved_.*_t\.h"' 'src/process/telemetry\.c'
 only one_file_knows_libconfig '#include <libconfig' 'src/process/conf\.c'
 only one_file_knows_zlib '#include <zlib' 'drivers/log_file\.c'
