@@ -67,21 +67,24 @@ static bool in_hand(const gv_snapshot *s, int object) {
   return false;
 }
 
-// Objects that can move: height over the start, and how far they moved against the palm in the last second.
+// One object: height over the start, and how far it moved against the palm in the last second.
+static void put_object(screen *out, gv_view *view, const gv_snapshot *s, int object, int row) {
+  const char *name = view->scene->object[object].name;
+  const gv_pose T_world_object = gv_snapshot_object_pose(&view->scene->object[object], s->object[object].T_world_body);
+  const gv_pose T_palm_object = gv_pose_mul(gv_pose_inv(s->limb[GV_LIMB_PALM].T_world_limb), T_world_object);
+  gv_pose *then = &view->T_palm_object[view->screens % GV_VIEW_HISTORY][row]; // of the oldest screen kept
+  const double slip_m = view->screens < GV_VIEW_HISTORY ? 0.0 : gv_norm(gv_sub(T_palm_object.p, then->p));
+  char held[64] = "";
+  if (view->screens == 0) view->start_height_m[row] = T_world_object.p.z;
+  *then = T_palm_object;
+  if (in_hand(s, object)) snprintf(held, sizeof held, "touched, moved %.3f mm in the hand in 1 s", slip_m * 1e3);
+  put_line(out, "%-16.16s lifted %7.1f mm   %s", name, (T_world_object.p.z - view->start_height_m[row]) * 1e3, held);
+}
+
 static void put_objects(screen *out, gv_view *view, const gv_snapshot *s) {
-  gv_pose *now = view->T_palm_object[view->screens % GV_VIEW_HISTORY]; // holds the oldest screen's until written
-  for (int i = 0; i < s->object_count && i < GV_VIEW_OBJECTS; i++) {
-    if (view->scene->object[i].is_static) continue;
-    const gv_pose T_world_object = gv_snapshot_object_pose(&view->scene->object[i], s->object[i].T_world_body);
-    const gv_pose T_palm_object = gv_pose_mul(gv_pose_inv(s->limb[GV_LIMB_PALM].T_world_limb), T_world_object);
-    if (view->screens == 0) view->start_height_m[i] = T_world_object.p.z;
-    const double slip_m = view->screens < GV_VIEW_HISTORY ? 0.0 : gv_norm(gv_sub(T_palm_object.p, now[i].p));
-    now[i] = T_palm_object;
-    char held[64] = "";
-    if (in_hand(s, i)) snprintf(held, sizeof held, "touched, moved %.3f mm in the hand in 1 s", slip_m * 1e3);
-    put_line(out, "%-16.16s lifted %7.1f mm   %s", view->scene->object[i].name,
-             (T_world_object.p.z - view->start_height_m[i]) * 1e3, held);
-  }
+  int row = 0;
+  for (int i = 0; i < s->object_count && row < GV_VIEW_OBJECTS; i++)
+    if (!view->scene->object[i].is_static) put_object(out, view, s, i, row++);
 }
 
 static void draw_screen(gv_view *view, const gv_loop *loop, const gv_snapshot *snapshot) {

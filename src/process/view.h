@@ -8,8 +8,8 @@
 #include "loop.h"
 
 enum {
-  GV_VIEW_RECORDS = 4,   // events on the screen
-  GV_VIEW_OBJECTS = 6,   // objects on the screen
+  GV_VIEW_RECORDS = 3,   // events on the screen
+  GV_VIEW_OBJECTS = 4,   // objects that can move on the screen: 23 lines in all
   GV_VIEW_HISTORY = 10   // screens between two compared poses: slip per second at 10 Hz
 };
 
