@@ -5,10 +5,13 @@
 // limb stops on the surface and not a step's travel inside. Real-time thread.
 #include "engine_state.h"
 
+typedef struct rub { gv_friction friction; double mu; int material; } rub;
+
 typedef struct pair {
   int body_a, body_b;          // dynamics numbering
   const gv_shape *shape_a, *shape_b;
-  double margin, mu;
+  double margin;
+  rub rub;
   gv_pair_cache *cache;
 } pair;
 
@@ -80,7 +83,7 @@ static void add_contact(gv_engine *e, const pair *p, const gv_contact_point *k, 
   e->solver_contact[i] = (gv_dynamics_contact){
     .body_a = p->body_a, .body_b = p->body_b, .position = k->position_world, .normal = k->normal_world,
     // The friction pyramid is exact along its first direction: lay it along the coming slip.
-    .friction_dir = gv_norm(slip) > 1e-6 ? gv_normalize_or(slip, any) : any, .depth = k->depth, .mu = p->mu};
+    .friction_dir = gv_norm(slip) > 1e-6 ? gv_normalize_or(slip, any) : any, .depth = k->depth, .friction = p->rub.friction, .mu = p->rub.mu};
   if (k->depth > e->counters.depth_max_m) e->counters.depth_max_m = k->depth;
 }
 
@@ -102,8 +105,19 @@ static void collide_pair(gv_engine *e, const pair *p) {
   for (int i = 0; i < count; i++) add_contact(e, p, &point[i], &a, &b);
 }
 
-static double pair_mu(const gv_engine *e, double mu_a, double mu_b) {
-  return e->cfg.override_mu > 0.0 ? e->cfg.override_mu : sqrt(mu_a * mu_b);
+static rub rub_of_hand(const gv_engine *e) { return (rub){e->cfg.friction, e->cfg.mu_hand, GV_MATERIAL_HAND}; }
+static rub rub_of_object(const gv_object *o) { return (rub){o->friction, o->mu, o->material}; }
+
+// Friction of two bodies: the preset's, what the scene says of the two materials, or the mean of both.
+static rub rub_between(const gv_engine *e, rub a, rub b) {
+  if (e->cfg.override_mu > 0.0) return (rub){e->cfg.friction, e->cfg.override_mu, GV_MATERIAL_NONE};
+  for (int i = 0; i < e->scene->friction_pair_count && a.material && b.material; i++) {
+    const gv_friction_pair *p = &e->scene->friction_pair[i];
+    if ((p->material_a == a.material && p->material_b == b.material) || (p->material_a == b.material && p->material_b == a.material))
+      return (rub){p->friction, p->mu, GV_MATERIAL_NONE};
+  }
+  if (a.friction != b.friction) return a.friction == GV_FRICTION_FIXED_LIMIT ? a : b;
+  return (rub){a.friction, sqrt(a.mu * b.mu), GV_MATERIAL_NONE};
 }
 
 static void collide_limb(gv_engine *e, int limb) {
@@ -116,10 +130,11 @@ static void collide_limb(gv_engine *e, int limb) {
     const gv_object *object = &e->scene->object[o];
     if (!boxes_meet(&box, &e->object_box[o])) continue;
     double both = margin + object_margin(e, o);
+    rub rubbing = rub_between(e, rub_of_hand(e), rub_of_object(object));
     for (int i = object->piece_first; i < object->piece_first + object->piece_count; i++) {
       if (!boxes_meet(&box, &e->piece_box[i])) continue;
       collide_pair(e, &(pair){limb, GV_LIMBS + o, &e->limb_shape[limb], &e->piece_shape[i], both,
-                              pair_mu(e, e->cfg.mu_hand, object->mu), &e->limb_cache[limb * e->scene->piece_count + i]});
+                              rubbing, &e->limb_cache[limb * e->scene->piece_count + i]});
     }
   }
 }
@@ -128,13 +143,14 @@ static void collide_limb(gv_engine *e, int limb) {
 static void collide_objects(gv_engine *e, int a, int b) {
   const gv_object *A = &e->scene->object[a], *B = &e->scene->object[b];
   double margin = object_margin(e, a) + object_margin(e, b);
+  rub rubbing = rub_between(e, rub_of_object(A), rub_of_object(B));
   for (int i = A->piece_first; i < A->piece_first + A->piece_count; i++) {
     if (!boxes_meet(&e->piece_box[i], &e->object_box[b])) continue;
     for (int j = B->piece_first; j < B->piece_first + B->piece_count; j++) {
       if (!boxes_meet(&e->piece_box[i], &e->piece_box[j])) continue;
       int high = i > j ? i : j, low = i > j ? j : i;
       collide_pair(e, &(pair){GV_LIMBS + a, GV_LIMBS + b, &e->piece_shape[i], &e->piece_shape[j], margin,
-                              pair_mu(e, A->mu, B->mu), &e->piece_cache[high * (high - 1) / 2 + low]});
+                              rubbing, &e->piece_cache[high * (high - 1) / 2 + low]});
     }
   }
 }

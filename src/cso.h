@@ -38,6 +38,10 @@ gv_core gv_core_place(const gv_shape *shape, gv_pose T_b_shape, bool in_place);
 gv_vec3 gv_core_support(const gv_core *core, gv_vec3 d, uint16_t *hint);
 int gv_hull_support(const gv_hull *hull, gv_vec3 d, int start);
 
+static inline bool gv_core_is_point(const gv_core *core) {  // a ball
+  return core->kind == GV_CORE_HULL && core->hull->vertex_count == 1;
+}
+
 static inline gv_cso_point gv_cso_support(const gv_cso *cso, gv_vec3 n) {
   gv_vec3 b = gv_core_support(&cso->b, n, &cso->cache->vertex_b);
   gv_vec3 a = gv_core_support(&cso->a, gv_neg(n), &cso->cache->vertex_a);

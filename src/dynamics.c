@@ -100,8 +100,9 @@ static double sphere_inertia_per_mass(const gv_scene *scene, const gv_object *o)
   gv_vec3 lo = gv_v3(1e9, 1e9, 1e9), hi = gv_v3(-1e9, -1e9, -1e9);
   for (int i = 0; i < o->piece_count; i++) {
     const gv_hull *h = &scene->piece[o->piece_first + i];
-    lo = gv_v3(fmin(lo.x, h->aabb_min.x), fmin(lo.y, h->aabb_min.y), fmin(lo.z, h->aabb_min.z));
-    hi = gv_v3(fmax(hi.x, h->aabb_max.x), fmax(hi.y, h->aabb_max.y), fmax(hi.z, h->aabb_max.z));
+    gv_vec3 r = gv_v3(h->radius, h->radius, h->radius), min = gv_sub(h->aabb_min, r), max = gv_add(h->aabb_max, r);
+    lo = gv_v3(fmin(lo.x, min.x), fmin(lo.y, min.y), fmin(lo.z, min.z));
+    hi = gv_v3(fmax(hi.x, max.x), fmax(hi.y, max.y), fmax(hi.z, max.z));
   }
   return gv_sphere_inertia_of_box(gv_sub(hi, lo));
 }
@@ -235,7 +236,7 @@ static void create_contact(gv_dynamics *dyn, const gv_dynamics_contact *c, dJoin
   dContact k;
   memset(&k, 0, sizeof k);
   k.surface.mode = dContactSoftERP | dContactSoftCFM | dContactFDir1;
-  if (cfg->friction == GV_FRICTION_PYRAMID) k.surface.mode |= dContactApprox1;
+  if (c->friction == GV_FRICTION_PYRAMID) k.surface.mode |= dContactApprox1;
   k.surface.mu = c->mu;
   k.surface.soft_erp = cfg->contact_erp;
   k.surface.soft_cfm = cfg->contact_cfm;

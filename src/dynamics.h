@@ -15,6 +15,7 @@ typedef struct gv_dynamics_contact {
   int body_a, body_b;           // normal points from b to a; a is never static
   gv_vec3 position, normal, friction_dir;  // world; friction_dir unit, at right angles to the normal
   double depth;                 // metres; negative: gap, which the step may close but not pass
+  gv_friction friction;
   double mu;                    // coefficient, or newtons with GV_FRICTION_FIXED_LIMIT
 } gv_dynamics_contact;
 

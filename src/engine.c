@@ -53,7 +53,7 @@ static void make_pieces(gv_engine *e) {
       const gv_hull *hull = &e->scene->piece[i];
       e->piece_shape[i] = gv_shape_hull(hull);
       for (int v = 0; v < hull->vertex_count; v++)
-        e->object_reach[o] = fmax(e->object_reach[o], gv_norm(hull->vertex[v]));
+        e->object_reach[o] = fmax(e->object_reach[o], gv_norm(hull->vertex[v]) + hull->radius);
     }
   }
 }

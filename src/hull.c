@@ -286,6 +286,18 @@ int gv_hull_build(gv_arena *arena, const gv_vec3 *points, int count, gv_hull *ou
   return error ? error : write_hull(&b, vertices, arena, out_hull);
 }
 
+int gv_hull_ball(gv_arena *arena, gv_vec3 center, double radius, gv_hull *out_hull) {
+  static const uint16_t none[2];
+  if (!gv_v3_finite(center) || !isfinite(radius)) return GV_HULL_NOT_FINITE;
+  if (!(radius > 0)) return GV_HULL_FLAT;
+  gv_vec3 *vertex = gv_arena_alloc(arena, "hull", sizeof *vertex);
+  if (!vertex) return GV_HULL_MEMORY;
+  *vertex = center;
+  *out_hull = (gv_hull){.vertex_count = 1, .vertex = vertex, .face_start = none, .neighbor_start = none,
+                        .center = center, .aabb_min = center, .aabb_max = center, .radius = radius};
+  return 0;
+}
+
 // Adds density 1 times the integrals over the tetrahedron (0, a, b, c): volume, first and second moments.
 static void add_tetrahedron(gv_vec3 a, gv_vec3 b, gv_vec3 c, double *volume, gv_vec3 *first, double second[3][3]) {
   double v = gv_dot(a, gv_cross(b, c)) / 6.0;
@@ -307,7 +319,13 @@ static gv_mat3 inertia_from(double s[3][3]) {
   return m;
 }
 
+static gv_mass_properties ball_properties(gv_vec3 center, double r) {
+  double i = 0.4 * r * r;
+  return (gv_mass_properties){4.0 / 3.0 * GV_PI * r * r * r, center, {{{i, 0, 0}, {0, i, 0}, {0, 0, i}}}};
+}
+
 gv_mass_properties gv_hull_mass_properties(const gv_hull *hull) {
+  if (hull->vertex_count == 1) return ball_properties(hull->center, hull->radius);
   double volume = 0, second[3][3] = {{0}};
   gv_vec3 first = gv_v3(0, 0, 0), o = hull->center;
   for (int f = 0; f < hull->face_count; f++) {

@@ -257,6 +257,8 @@ static void add_closest(manifold *m, const gv_shape *a, const gv_distance *d, do
 
 static void gather(manifold *m, const gv_cso *cso, gv_pair_cache *cache, uint16_t *out_face_b) {
   polygon a, b;
+  *out_face_b = NO_FACE;
+  if (gv_core_is_point(&cso->a) || gv_core_is_point(&cso->b)) return;  // a ball touches in one point
   take_side(&cso->b, m->n, &cache->vertex_b, &b);
   take_side(&cso->a, gv_neg(m->n), &cache->vertex_a, &a);
   *out_face_b = b.face;

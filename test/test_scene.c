@@ -314,7 +314,20 @@ static const mistake mistakes[] = {
   {O NM "center = [0, 0, 0]; " BOX E, ":3: ", "'center' and 'inertia' go together"},
   {O NM "center = [0, 0, 0]; inertia = [1, 1, 3, 0, 0, 0]; " BOX E, ":3: ", "no body has this inertia"},
   {O NM "center = [0, 0, 0]; inertia = [1, 1, 1, 2, 0, 0]; " BOX E, ":3: ", "no body has this inertia"},
+  {O NM "friction = \"sticky\"; " BOX E, ":3: ", "'friction' is none of its choices"},
+  {O NM "friction = \"fixed_limit\"; " BOX E, ":3: ", "'mu' is missing; add mu = <newtons>"},
+  {O NM "material = \"felt\"; " BOX E, ":3: ", "no material is named \"felt\"; list it in 'materials'"},
+  {V "materials = ({ name = \"felt\"; });\n" "objects = ({" NM "mu = 1;\nmaterial = \"felt\"; " BOX "});\n", ":3: ", "'mu' beside 'material'"},
+  {V "materials = (\n{ name = \"felt\"; }, { name = \"felt\"; });\nobjects = ({" NM BOX "});\n", ":3: ", "two materials are named \"felt\""},
+  {V "materials = ({ name = \"hand\"; });\nobjects = ({" NM BOX "});\n", ":2: ", "two materials are named \"hand\""},
+  {V "pairs = ({ a = \"hand\"; b = \"felt\"; mu = 1; });\nobjects = ({" NM BOX "});\n", ":2: ", "no material is named \"felt\""},
+  {V "pairs = ({ a = \"hand\"; b = \"hand\"; });\nobjects = ({" NM BOX "});\n", ":2: ", "'mu' is missing"},
+  {V "pairs = 3;\nobjects = ({" NM BOX "});\n", ":2: ", "'pairs' is no list"},
   // shapes
+  {O NM "ball = 0; " E, ":3: ", "'ball' is 0"},
+  {O NM "ball = \"big\"; " E, ":3: ", "'ball' is no number"},
+  {O NM "ball = 0.1;\n" BOX E, ":3: ", "'ball' beside 'box'"},
+  {O NM "ball = 0.1;\n" TETRA E, ":4: ", "'vertices' beside 'ball'"},
   {O NM E, ":3: ", "'vertices' is missing; add box = [x, y, z]; or vertices"},
   {O NM "box = [0.1, 0.0, 0.1]; " E, ":3: ", "entry 2 of 'box' is 0"},
   {O NM "box = [60, 60, 80]; " E, ":3: ", "entry 1 of 'box' is 60"},
@@ -343,6 +356,30 @@ static const mistake mistakes[] = {
   {O NM TETRA_V TETRA_T "pieces = ([0,1,2,3],\n[0,1,2,3]);\n" E, ":3: ", "the pieces add up to 333.3 cm3, the mesh encloses 166.7 cm3: they overlap"},
   {V "objects = ( { " NM BOX "}\n", ":", "syntax error"},
 };
+
+static void test_ball(void) {
+  gv_scene s;
+  if (load_text(O "name = \"b\"; mass = 0.5; ball = 0.04; position = [0.0, 0.0, 1.0];" E, &s)) { CHECK(0, "%s", err); return; }
+  const gv_object *o = &s.object[0];
+  check_inertia(o, 0.5 * 0.4 * 0.0016, 0.5 * 0.4 * 0.0016, 0.5 * 0.4 * 0.0016, 0, 0, 0);
+  CHECK(s.piece_count == 1 && s.piece[0].vertex_count == 1 && s.piece[0].radius == 0.04, "no ball");
+  CHECK_NEAR(lowest_z(&s, o), 0.96, 1e-12);
+  CHECK(euler_characteristic(&s, o) == 2, "the ball's polygons leave holes");
+  for (int i = 0; i < s.vertex_count; i++) CHECK_NEAR(gv_norm(s.mesh_vertex[i]), 0.04, 1e-12);
+}
+
+static void test_materials(void) {
+  gv_scene s;
+  const char *text = V "materials = ( { name = \"felt\"; mu = 0.9; }, { name = \"ice\"; mu = 2; friction = \"fixed_limit\"; } );\n"
+    "pairs = ( { a = \"ice\"; b = \"hand\"; mu = 0.3; } );\n"
+    "objects = ({ name = \"a\"; mass = 1; material = \"ice\"; " BOX "}, { name = \"b\"; mass = 1; material = \"felt\"; " BOX "}, { name = \"c\"; mass = 1; " BOX "});\n";
+  if (load_text(text, &s)) { CHECK(0, "%s", err); return; }
+  CHECK(s.object[0].material == 3 && s.object[0].friction == GV_FRICTION_FIXED_LIMIT && s.object[0].mu == 2, "ice");
+  CHECK(s.object[1].material == 2 && s.object[1].friction == GV_FRICTION_PYRAMID && s.object[1].mu == 0.9, "felt");
+  CHECK(s.object[2].material == GV_MATERIAL_NONE && s.object[2].mu == 0.8, "no material");
+  CHECK(s.friction_pair_count == 1 && s.friction_pair[0].material_a == 3 && s.friction_pair[0].material_b == GV_MATERIAL_HAND &&
+        s.friction_pair[0].mu == 0.3 && s.friction_pair[0].friction == GV_FRICTION_PYRAMID, "pair");
+}
 
 static void test_mistakes_are_refused(void) {
   gv_scene s;
@@ -498,6 +535,8 @@ int main(void) {
   RUN(test_corner_tetrahedron);
   RUN(test_rotation_is_about_fixed_axes);
   RUN(test_given_inertia_replaces_uniform_density);
+  RUN(test_ball);
+  RUN(test_materials);
   RUN(test_mistakes_are_refused);
   RUN(test_filled_window_is_refused);
   RUN(test_fit_allows_a_mismatch);

@@ -12,7 +12,6 @@
 #include "gloved/scene.h"
 
 typedef enum gv_rotation_law { GV_ROTATION_LOG, GV_ROTATION_PAPER } gv_rotation_law;
-typedef enum gv_friction { GV_FRICTION_PYRAMID, GV_FRICTION_FIXED_LIMIT } gv_friction;
 typedef enum gv_solver { GV_SOLVER_AUTO, GV_SOLVER_DANTZIG, GV_SOLVER_QUICK } gv_solver;
 
 // Spring-damper of one limb (Eqn 1, 2), integrated by backward Euler.
@@ -37,8 +36,8 @@ typedef struct gv_config {
                                // sample agrees; 0: off
   double gate_m;               // the same for the tracker's position
   // contact
-  double mu_hand;              // friction of the hand's skin
-  gv_friction friction;        // pyramid: mu x normal force (Eqn 9); fixed_limit: Eqn 10 as ODE means it, newtons
+  gv_friction friction;        // of the hand's skin
+  double mu_hand;              // coefficient, or newtons
   double contact_erp, contact_cfm; // on the normal row alone
   double world_cfm;            // never 0
   double contact_margin_m;     // gaps below this get a row that lets them close, but not overshoot
@@ -46,7 +45,8 @@ typedef struct gv_config {
   gv_solver solver;            // auto: Dantzig up to `dantzig_contacts`, QuickStep above
   int dantzig_contacts, quick_iterations;
   // the paper's Table 1 in place of the scene's own values; 0 or false: as the scene says
-  double override_gravity_m_s2, override_mass_kg, override_mu;
+  double override_gravity_m_s2, override_mass_kg;
+  double override_mu;          // for every contact, in the model `friction`
   bool override_sphere_inertia;
 } gv_config;
 
@@ -129,6 +129,9 @@ void gv_engine_memory(const gv_engine *engine, size_t *out_used, size_t *out_pea
 uint64_t gv_engine_hash(const gv_engine *engine);
 // Kinetic energy plus potential energy of objects in gravity, joules (tests).
 double gv_engine_energy(const gv_engine *engine);
+// Push an object in the coming step: force (newtons) at its centre of mass and torque (N m), world; pushes add
+// up. Not finite is ignored, a static object does not move.
+void gv_engine_push_object(gv_engine *engine, int object, gv_vec3 f_world, gv_vec3 t_world);
 // Set an object's state (tests, scripted scenes). Not finite is ignored.
 void gv_engine_set_object(gv_engine *engine, int object, gv_pose T_world_body, gv_vec3 v, gv_vec3 w);
 

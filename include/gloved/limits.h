@@ -19,6 +19,8 @@ enum {
   GV_MAX_CONTACTS = 128,      // in one step; 1 costs 3 solver rows: 128 cost QuickStep 0.4 ms, Dantzig 7 ms
   GV_MAX_PAIR_CONTACTS = 8,   // of one pair of convex pieces, after reduction
   GV_MAX_PAIRS = 1024,        // pairs that the broad phase may pass on in one step
+  GV_MAX_MATERIALS = 32,      // named in a scene, the hand's among them
+  GV_MAX_FRICTION_PAIRS = 64, // of a scene; looked through for each pair of bodies in contact
   GV_MAX_NAME = 32            // bytes of an object's name with its final zero
 };
 

@@ -6,6 +6,17 @@
 
 #include "gloved/shape.h"
 
+// pyramid: Coulomb, at most mu x normal force (Eqn 9). fixed_limit: at most `mu` newtons, as ODE means Eqn 10.
+typedef enum gv_friction { GV_FRICTION_PYRAMID, GV_FRICTION_FIXED_LIMIT } gv_friction;
+
+// How two named materials rub against each other, whatever each says alone.
+enum { GV_MATERIAL_NONE = 0, GV_MATERIAL_HAND = 1 };  // others count from 2
+typedef struct gv_friction_pair {
+  int material_a, material_b;
+  gv_friction friction;
+  double mu;                   // coefficient, or newtons
+} gv_friction_pair;
+
 typedef struct gv_object {
   char name[GV_MAX_NAME];
   bool is_static;              // never moves (table); mass and inertia unused
@@ -13,7 +24,10 @@ typedef struct gv_object {
   gv_vec3 center_m;            // centre of mass in the file's object frame (T_object_body is this translation)
   double mass_kg;
   gv_mat3 inertia_kg_m2;       // about the centre of mass, body axes
-  double mu;                   // Coulomb friction; a pair uses the geometric mean
+  // Two bodies without a gv_friction_pair use the geometric mean of their mu; a fixed limit goes before Coulomb's.
+  gv_friction friction;
+  double mu;                   // coefficient, or newtons
+  int material;                // which pairs apply to it
   int piece_first, piece_count;// into gv_scene.piece
   int vertex_first, vertex_count;     // into gv_scene.mesh_vertex
   int triangle_first, triangle_count; // into gv_scene.mesh_triangle
@@ -28,6 +42,8 @@ typedef struct gv_scene {
   const gv_hull *piece;           // [piece_count] vertices in the body frame of their object
   const gv_vec3 *mesh_vertex;     // [vertex_count] body frame
   const gv_triangle *mesh_triangle; // [triangle_count] counter-clockwise from outside
+  int friction_pair_count;
+  const gv_friction_pair *friction_pair; // [friction_pair_count] the first that fits counts
 } gv_scene;
 
 #endif

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // Shapes of the collision space. Every shape is a convex core plus a sphere (the paper's Minkowski
 // sums): a finger limb is a segment + sphere, the palm a box + sphere, an object's piece a convex
-// hull + nothing. The narrow phase works on the cores; the radius is a margin.
+// hull + a sphere that is mostly nothing (a ball is a point + sphere). The narrow phase works on the
+// cores; the radius is a margin.
 #ifndef GLOVED_SHAPE_H
 #define GLOVED_SHAPE_H
 
@@ -25,7 +26,8 @@ typedef struct gv_hull {
   const uint16_t *neighbor;       // vertices joined by an edge (for hill climbing)
   const uint16_t *neighbor_face;  // the face to the left of each of these edges: all faces around the vertex
   gv_vec3 center;                 // mean of the vertices: a point inside
-  gv_vec3 aabb_min, aabb_max;     // body frame
+  gv_vec3 aabb_min, aabb_max;     // body frame, of the vertices
+  double radius;                  // metres, of the sphere that rounds the polyhedron; a ball has one vertex, no face
 } gv_hull;
 
 typedef enum gv_core_kind { GV_CORE_SEGMENT, GV_CORE_BOX, GV_CORE_HULL } gv_core_kind;
@@ -43,7 +45,7 @@ static inline gv_shape gv_shape_capsule(double half_length, double radius) {
 static inline gv_shape gv_shape_rounded_box(gv_vec3 half, double radius) {
   return (gv_shape){GV_CORE_BOX, radius, half, NULL};
 }
-static inline gv_shape gv_shape_hull(const gv_hull *hull) { return (gv_shape){GV_CORE_HULL, 0.0, {0, 0, 0}, hull}; }
+static inline gv_shape gv_shape_hull(const gv_hull *hull) { return (gv_shape){GV_CORE_HULL, hull->radius, {0, 0, 0}, hull}; }
 
 // Build the convex hull of `count` points into the arena: only points on the hull are kept, coplanar
 // facets merge into polygons. Set-up only: cost about vertices x faces. `keep_order` is not promised.
@@ -52,10 +54,13 @@ static inline gv_shape gv_shape_hull(const gv_hull *hull) { return (gv_shape){GV
 enum { GV_HULL_FEW = -1, GV_HULL_FLAT = -2, GV_HULL_NOT_FINITE = -3, GV_HULL_VERTICES = -4, GV_HULL_FACES = -5,
        GV_HULL_POLYGON = -6, GV_HULL_MEMORY = -7, GV_HULL_DEGENERATE = -8 };
 int gv_hull_build(gv_arena *arena, const gv_vec3 *points, int count, gv_hull *out_hull);
+// A ball of `radius` (metres, > 0) about `center`. 0, or GV_HULL_NOT_FINITE, GV_HULL_FLAT, GV_HULL_MEMORY.
+int gv_hull_ball(gv_arena *arena, gv_vec3 center, double radius, gv_hull *out_hull);
 // A text for such an error ("no volume: all points lie in one plane").
 const char *gv_hull_error(int error);
 
 // Mass properties at uniform density: volume (m^3), centre, and inertia per mass about the centre (m^2).
+// Of a ball, or of the polyhedron: what a radius adds to a polyhedron is left out.
 typedef struct gv_mass_properties { double volume; gv_vec3 center; gv_mat3 inertia; } gv_mass_properties;
 gv_mass_properties gv_hull_mass_properties(const gv_hull *hull);
 // Sum of several parts at the same density (parallel axes).

@@ -10,10 +10,10 @@
 
 #include "conf.h"
 #include "scene_check.h"
+#include "scene_friction.h"
 
 #define MAX_COORDINATE_M 10.0    // a scene fits a room; more is a file in millimetres
 #define MAX_DISTANCE_M 100.0     // of an object from the origin
-#define DEFAULT_MU 0.8
 #define DEFAULT_FIT_M 1e-6       // mesh and pieces agree to the rounding of decimals in a text
 
 // The scene being filled. Counts run up to those of `scene`, which were counted before anything was allocated.
@@ -25,11 +25,17 @@ typedef struct loader {
   gv_vec3 *vertex;
   gv_triangle *triangle;
   int objects, pieces, vertices, triangles;
+  gv_materials materials;
 } loader;
 
-// Where one object's shape stands in the file. A box has no nodes.
+// A ball is shown as circles of latitude between its poles, and is round to the touch.
+enum { BALL_CIRCLES = 11, BALL_SIDES = 24, BALL_VERTICES = BALL_CIRCLES * BALL_SIDES + 2,
+       BALL_TRIANGLES = 2 * BALL_SIDES * BALL_CIRCLES };
+
+// Where one object's shape stands in the file. A box or a ball has none of the lists.
 typedef struct source {
-  gv_conf_node object, box, vertices, triangles, pieces;
+  gv_conf_node object, box, ball, vertices, triangles, pieces;
+  double ball_radius_m;
   int vertex_count, triangle_count, piece_count;
 } source;
 
@@ -44,16 +50,19 @@ static int need_list(gv_conf_group *group, const char *key, const char *hint, gv
 }
 
 static source find_source(gv_conf_group *group) {
-  source src = {.object = group->node, .box = gv_conf_find(group, "box"), .vertex_count = 8, .triangle_count = 12,
-                .piece_count = 1};
-  static const char *const shape[3] = {"vertices", "triangles", "pieces"};
-  if (gv_conf_has(src.box)) {
-    for (int i = 0; i < 3; i++) {
-      gv_conf_node other = gv_conf_find(group, shape[i]);
-      if (gv_conf_has(other)) gv_conf_fail(other, "'%s' beside 'box'; give one of the two", shape[i]);
-    }
-    return src;
+  source src = {.object = group->node, .box = gv_conf_find(group, "box"), .ball = gv_conf_find(group, "ball"),
+                .vertex_count = 8, .triangle_count = 12, .piece_count = 1};
+  static const char *const shape[4] = {"vertices", "triangles", "pieces", "ball"};
+  const char *simple = gv_conf_has(src.box) ? "box" : gv_conf_has(src.ball) ? "ball" : NULL;
+  for (int i = 0; simple && i < 4; i++) {
+    gv_conf_node other = gv_conf_find(group, shape[i]);
+    if (gv_conf_has(other) && strcmp(simple, shape[i])) gv_conf_fail(other, "'%s' beside '%s'; give one of the two", shape[i], simple);
   }
+  if (gv_conf_has(src.ball)) {
+    src.vertex_count = BALL_VERTICES, src.triangle_count = BALL_TRIANGLES;
+    gv_conf_number(group, "ball", 1e-3, MAX_COORDINATE_M / 2, &src.ball_radius_m);
+  }
+  if (simple) return src;
   src.vertex_count = need_list(group, "vertices", "box = [x, y, z]; or vertices = ( [x, y, z], ... );", &src.vertices);
   src.triangle_count = need_list(group, "triangles", "triangles = ( [0, 1, 2], ... );", &src.triangles);
   src.piece_count = need_list(group, "pieces", "pieces = ( [0, 1, 2, 3], ... );", &src.pieces);
@@ -67,6 +76,7 @@ static void count_one(int *total, int more, int max, const char *max_name, const
 }
 
 static void count_points(int *total, const source *src) {
+  if (gv_conf_has(src->ball)) count_one(total, 1, GV_MAX_VERTICES, "GV_MAX_VERTICES", "points of pieces", src->ball);
   if (gv_conf_has(src->box)) count_one(total, 8, GV_MAX_VERTICES, "GV_MAX_VERTICES", "points of pieces", src->box);
   for (int i = 0; gv_conf_has(src->pieces) && i < src->piece_count; i++) {
     gv_conf_node piece = gv_conf_entry(src->pieces, i);
@@ -82,7 +92,7 @@ static void count_scene(gv_scene *scene, gv_conf_node objects) {
   for (int i = 0; i < length && !objects.conf->failed; i++) {
     gv_conf_group group = gv_conf_as_group(gv_conf_entry(objects, i), "an object");
     source src = find_source(&group);
-    bool box = gv_conf_has(src.box);
+    bool box = gv_conf_has(src.box) || gv_conf_has(src.ball);
     count_one(&scene->vertex_count, src.vertex_count, GV_MAX_VERTICES, "GV_MAX_VERTICES", "vertices",
               box ? src.object : src.vertices);
     count_one(&scene->triangle_count, src.triangle_count, GV_MAX_MESH_TRIANGLES, "GV_MAX_MESH_TRIANGLES", "triangles",
@@ -186,6 +196,27 @@ static void make_box(gv_conf_group *group, gv_vec3 *vertex, gv_triangle *triangl
   memcpy(triangle, side, sizeof side);
 }
 
+// Vertex 0 is the north pole, the last the south pole, between them circles from north to south.
+static void make_ball(double r, gv_vec3 *vertex, gv_triangle *triangle) {
+  double sin_p, cos_p, sin_a, cos_a;
+  vertex[0] = gv_v3(0, 0, r);
+  vertex[BALL_VERTICES - 1] = gv_v3(0, 0, -r);
+  for (int i = 0; i < BALL_CIRCLES * BALL_SIDES; i++) {
+    gv_sincos(GV_PI * (1 + i / BALL_SIDES) / (BALL_CIRCLES + 1), &sin_p, &cos_p);
+    gv_sincos(2 * GV_PI * (i % BALL_SIDES) / BALL_SIDES, &sin_a, &cos_a);
+    vertex[1 + i] = gv_v3(r * sin_p * cos_a, r * sin_p * sin_a, r * cos_p);
+  }
+  for (uint32_t k = 0; k < BALL_SIDES; k++) {
+    uint32_t next = (k + 1) % BALL_SIDES, last = BALL_VERTICES - 1, south = last - BALL_SIDES;
+    *triangle++ = (gv_triangle){{0, 1 + k, 1 + next}};
+    *triangle++ = (gv_triangle){{last, south + next, south + k}};
+    for (uint32_t c = 1; c + BALL_SIDES < last; c += BALL_SIDES) {
+      *triangle++ = (gv_triangle){{c + k, c + BALL_SIDES + k, c + BALL_SIDES + next}};
+      *triangle++ = (gv_triangle){{c + k, c + BALL_SIDES + next, c + next}};
+    }
+  }
+}
+
 static gv_vec3 read_point(gv_conf_node node) {
   double p[3] = {0, 0, 0};
   gv_conf_entry_numbers(node, -MAX_COORDINATE_M, MAX_COORDINATE_M, 3, "[x, y, z] in metres", p);
@@ -245,6 +276,10 @@ static void fail_piece(const loader *l, const source *src, int i, int error) {
 // Convex hulls of all pieces, seen from `origin`.
 static void build_pieces(loader *l, const source *src, const gv_vec3 *vertex, gv_vec3 origin, gv_hull *out) {
   gv_vec3 point[GV_MAX_HULL_VERTICES];
+  if (gv_conf_has(src->ball)) {
+    if (gv_hull_ball(l->arena, gv_neg(origin), src->ball_radius_m, out)) fail_memory(l, src->ball);
+    return;
+  }
   for (int i = 0; i < src->piece_count && !src->object.conf->failed; i++) {
     int count = read_piece(src, i, vertex, point);
     if (src->object.conf->failed) return;
@@ -277,7 +312,7 @@ static gv_mass_properties check_shape(loader *l, const source *src, const gv_mes
   build_pieces(l, src, mesh->vertex, gv_v3(0, 0, 0), scratch);
   if (!src->object.conf->failed) {
     whole = sum_pieces(scratch, src->piece_count);
-    if (!gv_pieces_check(mesh, scratch, src->piece_count, whole.volume, fit_m, &fault)) fail_shape(src, &fault);
+    if (!gv_conf_has(src->ball) && !gv_pieces_check(mesh, scratch, src->piece_count, whole.volume, fit_m, &fault)) fail_shape(src, &fault);
   }
   *l->arena = before;
   return whole;
@@ -307,8 +342,7 @@ static settings read_settings(loader *l, gv_conf_group *group, gv_object *out) {
   gv_conf_bool(group, "static", &out->is_static);
   if (!out->is_static) gv_conf_need(group, "mass", "mass = <kilograms>; or static = true;");
   gv_conf_number(group, "mass", 1e-4, 1e3, &out->mass_kg);
-  out->mu = DEFAULT_MU;
-  gv_conf_number(group, "mu", 0, 10, &out->mu);
+  gv_friction_read(&l->materials, group, out);
   gv_conf_number(group, "fit", DEFAULT_FIT_M, 0.01, &set.fit_m);
   set.T_world_object = read_pose(group);
   set.has_inertia = read_inertia(group, &out->center_m, &out->inertia_kg_m2);
@@ -338,6 +372,7 @@ static void read_object(loader *l, gv_conf_node node) {
   gv_triangle *triangle = l->triangle + object->triangle_first;
   gv_hull *piece = l->piece + object->piece_first;
   if (gv_conf_has(src.box)) make_box(&group, vertex, triangle);
+  else if (gv_conf_has(src.ball)) make_ball(src.ball_radius_m, vertex, triangle);
   else read_mesh(&src, vertex, triangle);
   if (node.conf->failed) return;
 
@@ -356,6 +391,7 @@ static void read_scene(loader *l, gv_conf *conf) {
   l->scene.gravity_m_s2 = gv_v3(g[0], g[1], g[2]);
   gv_conf_node objects;
   need_list(&root, "objects", "objects = ( { name = ...; }, ... );", &objects);
+  gv_materials_read(&l->materials, &root, l->arena, &l->scene);
   gv_conf_leave(&root);
   if (conf->failed) return;
   count_scene(&l->scene, objects);
