@@ -318,6 +318,26 @@ static gv_mass_properties check_shape(loader *l, const source *src, const gv_mes
   return whole;
 }
 
+// A centre and an inertia that are given belong to a body of this size: in other units they would not.
+static void check_inertia(gv_conf_group *group, const gv_object *object, const gv_mesh *mesh) {
+  gv_vec3 c = object->center_m, low = mesh->vertex[0], high = low;
+  double farthest2 = 0;
+  for (int i = 0; i < mesh->vertex_count; i++) {
+    gv_vec3 p = mesh->vertex[i];
+    low = gv_v3(fmin(low.x, p.x), fmin(low.y, p.y), fmin(low.z, p.z));
+    high = gv_v3(fmax(high.x, p.x), fmax(high.y, p.y), fmax(high.z, p.z));
+    farthest2 = fmax(farthest2, gv_norm2(gv_sub(p, c)));
+  }
+  if (c.x < low.x || c.y < low.y || c.z < low.z || c.x > high.x || c.y > high.y || c.z > high.z)
+    gv_conf_fail(gv_conf_find(group, "center"), "'center' lies outside of the object (%g..%g, %g..%g, %g..%g m); correct it",
+                 low.x, high.x, low.y, high.y, low.z, high.z);
+  const gv_mat3 *J = &object->inertia_kg_m2;
+  double trace = J->m[0][0] + J->m[1][1] + J->m[2][2], most = 2 * object->mass_kg * farthest2; // all mass at the farthest corner
+  if (!object->is_static && trace > most)
+    gv_conf_fail(gv_conf_find(group, "inertia"), "'inertia' has the trace %.3g; %g kg within this object reach %.3g kg m2 at "
+                 "most: correct it", trace, object->mass_kg, most);
+}
+
 // ---- objects and scene ----------------------------------------------------------------------------
 
 static void take_range(loader *l, const source *src, gv_object *out) {
@@ -378,7 +398,8 @@ static void read_object(loader *l, gv_conf_node node) {
 
   gv_mesh mesh = {vertex, triangle, object->vertex_count, object->triangle_count};
   gv_mass_properties whole = check_shape(l, &src, &mesh, set.fit_m, piece);
-  if (!set.has_inertia) take_density(object, &whole);
+  if (set.has_inertia) check_inertia(&group, object, &mesh);
+  else take_density(object, &whole);
   build_pieces(l, &src, vertex, object->center_m, piece);
   place_body(object, set.T_world_object, vertex);
   l->objects++;
