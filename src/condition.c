@@ -6,6 +6,8 @@
 
 #include <string.h>
 
+static const double beyond_rad = 0.05;  // readings this far outside the anatomy are worth counting
+
 // exp(-x), x >= 0, from + and * alone: halved until small, Taylor, squared back.
 static double exp_neg(double x) {
   int halvings = 0;
@@ -33,18 +35,24 @@ static bool gate_joint(joint_filter *j, double value, double gate) {
   return j->holding;
 }
 
-static int take_glove(gv_condition *c, const gv_config *cfg, const gv_sample *sample) {
+static int take_glove(gv_condition *c, const gv_config *cfg, const gv_sample *sample, uint64_t *limited) {
   for (int i = 0; i < GV_SENSORS; i++)
     if (!isfinite(sample->raw[i])) return 1;
   int refused = 0;
   for (int i = 0; i < GV_SENSORS; i++) {
-    double a = gv_calibration_angle(&cfg->calibration, i, sample->raw[i]);
-    a = gv_clamp(a, cfg->hand.angle_min_rad[i], cfg->hand.angle_max_rad[i]);
+    double read = gv_calibration_angle(&cfg->calibration, i, sample->raw[i]);
+    double a = gv_clamp(read, cfg->hand.angle_min_rad[i], cfg->hand.angle_max_rad[i]);
+    if (fabs(a - read) > beyond_rad) (*limited)++;
     if (!c->glove_seen) { c->joint[i] = (joint_filter){0.0, a, a, false}; c->angle[i] = a; }
     else refused += gate_joint(&c->joint[i], a, cfg->gate_rad);
   }
   c->glove_seen = true;
   return refused;
+}
+
+static bool pose_jumps(const gv_pose *T, const gv_pose *from, const gv_config *cfg) {
+  bool far = cfg->gate_m > 0.0 && gv_norm(gv_sub(T->p, from->p)) > cfg->gate_m;
+  return far || (cfg->gate_rad > 0.0 && gv_norm(gv_quat_log(gv_quat_mul(T->q, gv_quat_conj(from->q)))) > cfg->gate_rad);
 }
 
 static int take_pose(gv_condition *c, const gv_config *cfg, const gv_sample *sample) {
@@ -58,17 +66,16 @@ static int take_pose(gv_condition *c, const gv_config *cfg, const gv_sample *sam
     c->pose_seen = true;
     return 0;
   }
-  bool jump = cfg->gate_m > 0.0 && gv_norm(gv_sub(T.p, c->target.p)) > cfg->gate_m;
-  bool confirmed = c->holding && gv_norm(gv_sub(T.p, c->held.p)) <= cfg->gate_m;
-  c->holding = jump && !confirmed;
+  bool confirmed = c->holding && !pose_jumps(&T, &c->held, cfg);
+  c->holding = pose_jumps(&T, &c->target, cfg) && !confirmed;
   c->held = T;
   if (!c->holding) c->target = T;
   return c->holding;
 }
 
-int gv_condition_sample(gv_condition *c, const gv_config *cfg, const gv_sample *sample) {
+int gv_condition_sample(gv_condition *c, const gv_config *cfg, const gv_sample *sample, uint64_t *limited) {
   int refused = 0;
-  if (sample->glove_new) refused += take_glove(c, cfg, sample);
+  if (sample->glove_new) refused += take_glove(c, cfg, sample, limited);
   if (sample->pose_new) refused += take_pose(c, cfg, sample);
   return refused;
 }
@@ -99,4 +106,14 @@ void gv_condition_step(gv_condition *c, double h) {
   decay_scalar(&r.y, &c->w.y, c->omega, c->decay, h);
   decay_scalar(&r.z, &c->w.z, c->omega, c->decay, h);
   c->wrist.q = gv_quat_normalize(gv_quat_mul(gv_quat_exp(r), c->target.q));
+}
+
+void gv_condition_output(const gv_condition *c, const gv_config *cfg, double out_angle_rad[GV_SENSORS], gv_pose *out_wrist) {
+  const double lead = cfg->prediction_s;
+  for (int i = 0; i < GV_SENSORS; i++)
+    out_angle_rad[i] = gv_clamp(c->angle[i] + lead * c->joint[i].rate, cfg->hand.angle_min_rad[i], cfg->hand.angle_max_rad[i]);
+  *out_wrist = c->wrist;
+  if (!(lead > 0.0)) return;
+  out_wrist->p = gv_mad(c->wrist.p, lead, c->v);
+  out_wrist->q = gv_quat_normalize(gv_quat_mul(gv_quat_exp(gv_scale(c->w, lead)), c->wrist.q));
 }

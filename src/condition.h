@@ -24,10 +24,13 @@ typedef struct gv_condition {
 } gv_condition;
 
 void gv_condition_init(gv_condition *c, const gv_config *cfg);
-// Take a sample in. Returns how many of its parts were held back (joints, pose) or refused.
-int gv_condition_sample(gv_condition *c, const gv_config *cfg, const gv_sample *sample);
+// Take a sample in. Returns how many of its parts were held back (joints, pose) or refused; adds to *limited
+// the readings beyond the anatomy.
+int gv_condition_sample(gv_condition *c, const gv_config *cfg, const gv_sample *sample, uint64_t *limited);
 // One step of h. Nothing moves before both glove and pose were seen.
 void gv_condition_step(gv_condition *c, double h);
+// Where the hand is taken to be: the filtered values, led by prediction_s along their velocity.
+void gv_condition_output(const gv_condition *c, const gv_config *cfg, double out_angle_rad[GV_SENSORS], gv_pose *out_wrist);
 static inline bool gv_condition_ready(const gv_condition *c) { return c->glove_seen && c->pose_seen; }
 
 #endif

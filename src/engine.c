@@ -113,7 +113,8 @@ static void place_hand(gv_engine *e) {
 // The skeleton's frames of this step, and their velocities since the last.
 static void move_driver(gv_engine *e) {
   gv_pose T[GV_LIMBS];
-  gv_hand_frames(&e->cfg.hand, &e->condition.wrist, e->condition.angle, T);
+  gv_condition_output(&e->condition, &e->cfg, e->angle, &e->wrist);
+  gv_hand_frames(&e->cfg.hand, &e->wrist, e->angle, T);
   double rate = 1.0 / e->cfg.step_s;
   for (int i = 0; i < GV_LIMBS; i++) {
     gv_limb_state *d = &e->driver[i];
@@ -129,7 +130,7 @@ static void move_driver(gv_engine *e) {
 static void take_sample(gv_engine *e, const gv_sample *sample) {
   if (sample->glove_new || sample->pose_new) {
     e->counters.samples++;
-    int refused = gv_condition_sample(&e->condition, &e->cfg, sample);
+    int refused = gv_condition_sample(&e->condition, &e->cfg, sample, &e->counters.angles_limited);
     if (refused) {
       e->events |= GV_EVENT_SAMPLE_REFUSED;
       e->counters.samples_refused += (uint64_t)refused;
@@ -188,7 +189,7 @@ static void feel_coupling(gv_engine *e, double out_tension_n[GV_FINGERS]) {
     T[i] = e->driver[i].T;
   }
   gv_joint_axis joint[GV_SENSORS];
-  gv_hand_joints(&e->cfg.hand, &e->condition.wrist, e->condition.angle, joint);
+  gv_hand_joints(&e->cfg.hand, &e->wrist, e->angle, joint);
   gv_tendon_map(joint, T, f, t, out_tension_n);
 }
 

@@ -22,6 +22,8 @@ struct gv_engine {
   gv_shape limb_shape[GV_LIMBS];
   double limb_reach[GV_LIMBS];         // farthest surface point from the limb's origin, m
   double limb_inertia[GV_LIMBS];
+  double angle[GV_SENSORS];            // of the skeleton in this step, rad
+  gv_pose wrist;                       // T_world_wrist of this step
   gv_limb_state driver[GV_LIMBS];
   gv_vec3 felt_f[GV_LIMBS], felt_t[GV_LIMBS]; // coupling on the limb at the end of the last step
   bool placed;

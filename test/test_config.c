@@ -49,7 +49,7 @@ static void test_example_equals_the_defaults(void) {
   SAME(engine.hand.palm_radius_m); SAME(engine.hand.angle_min_rad); SAME(engine.hand.angle_max_rad);
   SAME(engine.calibration); SAME(engine.T_receiver_wrist); SAME(engine.limb_mass_kg); SAME(engine.palm_mass_kg);
   SAME(engine.limb); SAME(engine.palm); SAME(engine.rotation_law); SAME(engine.limb_gravity); SAME(engine.filter_hz);
-  SAME(engine.gate_rad); SAME(engine.gate_m); SAME(engine.mu_hand); SAME(engine.friction); SAME(engine.contact_erp);
+  SAME(engine.gate_rad); SAME(engine.gate_m); SAME(engine.prediction_s); SAME(engine.mu_hand); SAME(engine.friction); SAME(engine.contact_erp);
   SAME(engine.contact_cfm); SAME(engine.world_cfm); SAME(engine.contact_margin_m); SAME(engine.solver);
   SAME(engine.dantzig_contacts); SAME(engine.quick_iterations); SAME(engine.override_gravity_m_s2);
   SAME(engine.override_mass_kg); SAME(engine.override_mu); SAME(engine.override_sphere_inertia);

@@ -34,7 +34,8 @@ typedef struct gv_config {
   double filter_hz;            // corner of the critically damped sample filter; 0: off. Delay 1 / (pi filter_hz)
   double gate_rad;             // a joint that jumps more than this in one sample is held back until a second
                                // sample agrees; 0: off
-  double gate_m;               // the same for the tracker's position
+  double gate_m;               // the same for the tracker's position (its orientation goes by gate_rad)
+  double prediction_s;         // extrapolate the filtered hand by this much along its velocity; 0: off
   // contact
   gv_friction friction;        // of the hand's skin
   double mu_hand;              // coefficient, or newtons
@@ -86,7 +87,10 @@ typedef struct gv_contact {
 
 // Counters since init; they never go back.
 typedef struct gv_counters {
-  uint64_t steps, samples, samples_refused, contacts_dropped, pairs_dropped, body_resets, overlaps, quicksteps,
+  uint64_t steps, samples,
+    samples_refused,           // joints and poses held back or refused: jumps, not finite
+    angles_limited,            // joint readings beyond the anatomy by more than 0.05 rad, held at its limit
+    contacts_dropped, pairs_dropped, body_resets, overlaps, quicksteps,
     solver_errors;             // complaints of the LCP solver
   uint32_t contacts_max, pairs_max;
   double depth_max_m;          // largest penetration of any step
@@ -123,7 +127,7 @@ void gv_engine_limb_velocity(const gv_engine *engine, int limb, gv_vec3 *out_v, 
 void gv_engine_coupling(const gv_engine *engine, int limb, gv_vec3 *out_f, gv_vec3 *out_t);
 gv_pose gv_engine_object_pose(const gv_engine *engine, int object);    // T_world_body
 void gv_engine_object_velocity(const gv_engine *engine, int object, gv_vec3 *out_v, gv_vec3 *out_w);
-const double *gv_engine_angles(const gv_engine *engine);               // 22 filtered joint angles, rad
+const double *gv_engine_angles(const gv_engine *engine);               // 22 joint angles of the skeleton, rad
 void gv_engine_memory(const gv_engine *engine, size_t *out_used, size_t *out_peak, size_t *out_size);
 // FNV-1a 64 over the whole simulated state (poses, velocities, filter, step count). Cost: 3 us.
 uint64_t gv_engine_hash(const gv_engine *engine);
