@@ -9,7 +9,7 @@
 // the frame of B. Pure; any thread. Cost: 0.2 us for a limb, 0.5 us for box on box, beside the distance.
 #include "cso.h"
 
-enum { CORNERS = 2 * GV_MAX_FACE_VERTICES + 8, RING = 64, NO_FACE = 0xffff };
+enum { CORNERS = 2 * GV_MAX_FACE_VERTICES + 8, WALK = 16, NO_FACE = 0xffff };
 
 static const double steep = 0.3;       // least cosine of reference face and normal (72 degrees)
 static const double on_side = 1e-9;    // metres: a corner this far outside the prism is still inside
@@ -99,7 +99,9 @@ static void take_side(const gv_core *core, gv_vec3 d, uint16_t *vertex, polygon 
     *vertex = (uint16_t)gv_hull_support(core->hull, d_hull, *vertex);
     take_hull_face(core, best_face(core->hull, *vertex, d_hull), out);
   } else {
-    *out = (polygon){.count = 2, .face = NO_FACE};
+    out->count = 2;
+    out->normal = gv_v3(0, 0, 0);
+    out->face = NO_FACE;
     out->p[0] = gv_sub(core->center, core->axis[0]);
     out->p[1] = gv_add(core->center, core->axis[0]);
   }
@@ -148,78 +150,100 @@ static void clip_polygons(manifold *m, const polygon *reference, const polygon *
   }
 }
 
-typedef struct span {     // of a segment: the part over a face or over several, 0 to 1
+typedef struct span {     // the part of a segment that lies over a face: 0 to 1 along it
   double from, to;
-  double gap_from, gap_to;
-  uint16_t face_from, face_to;
+  int from_side, to_side; // sides of the prism where it begins and ends; -1: at its own end
 } span;
 
-// The part of the segment within the prism of the reference; false if none.
-static bool clip_segment(const polygon *reference, gv_vec3 up, const polygon *segment, span *out) {
+// The part of the segment within the prism of the face; false if none.
+static bool clip_segment(const polygon *face, gv_vec3 up, const polygon *segment, span *out) {
   gv_vec3 p = segment->p[0], along = gv_sub(segment->p[1], p);
-  *out = (span){.from = 0, .to = 1, .face_from = reference->face, .face_to = reference->face};
-  for (int k = 0; k < reference->count; k++) {
-    gv_vec3 outward = prism_side(reference, k, up);
-    double h = gv_dot(outward, gv_sub(p, reference->p[k])) - on_side, slope = gv_dot(outward, along);
+  *out = (span){0, 1, -1, -1};
+  for (int k = 0; k < face->count; k++) {
+    gv_vec3 outward = prism_side(face, k, up);
+    double h = gv_dot(outward, gv_sub(p, face->p[k])) - on_side, slope = gv_dot(outward, along);
     if (h > 0 && h + slope > 0) return false;
-    if (h > 0) out->from = fmax(out->from, h / -slope);
-    else if (h + slope > 0) out->to = fmin(out->to, -h / slope);
+    if (h > 0 && h / -slope > out->from) out->from = h / -slope, out->from_side = k;
+    if (h <= 0 && h + slope > 0 && -h / slope < out->to) out->to = -h / slope, out->to_side = k;
   }
-  if (out->from > out->to) return false;
-  out->gap_from = gap_over(reference, up, gv_mad(p, out->from, along));
-  out->gap_to = gap_over(reference, up, gv_mad(p, out->to, along));
-  return true;
+  return out->from <= out->to;
 }
 
-static void widen(span *all, const span *part) {
-  bool empty = all->from > all->to;
-  if (empty || part->from < all->from) all->from = part->from, all->gap_from = part->gap_from, all->face_from = part->face_from;
-  if (empty || part->to > all->to) all->to = part->to, all->gap_to = part->gap_to, all->face_to = part->face_to;
+// The face on the other side of side k of the face.
+static int face_across(const gv_hull *hull, int face, int k) {
+  int first = hull->face_start[face], sides = hull->face_start[face + 1] - first;
+  uint16_t from = hull->face_vertex[first + k], to = hull->face_vertex[first + (k + 1) % sides];
+  int e = hull->neighbor_start[to];
+  while (e + 1 < hull->neighbor_start[to + 1] && hull->neighbor[e] != from) e++;
+  return hull->neighbor_face[e];
 }
 
-// A limb along the sides of a core: its span over the reference face and, on a hull, the faces around
-// that (a limb along an edge lies half over one face and half over the other). Its two ends are contacts.
-static void clip_limb(manifold *m, const gv_core *core, const polygon *reference, const polygon *segment, bool of_b) {
-  gv_vec3 up = of_b ? m->n : gv_neg(m->n);
-  span all = {.from = 1, .to = 0}, part;
-  uint16_t ring[RING];
+typedef struct limb_end { double at, gap; uint16_t face; } limb_end;
+
+// From `face`, where the segment reaches `end`, on over the neighbouring faces towards its end (0 or 1),
+// while they are neither steep nor out of reach. A limb along an edge lies half over one face and half over the other.
+static limb_end walk_limb(const gv_core *core, const polygon *face, gv_vec3 up, double limit, const polygon *segment, bool to_end) {
   polygon side;
-  int count = 0;
-  if (clip_segment(reference, up, segment, &part)) widen(&all, &part);
-  const gv_hull *hull = core->kind == GV_CORE_HULL ? core->hull : NULL;
-  for (int k = 0; hull && k < reference->count; k++) {
-    int v = hull->face_vertex[hull->face_start[reference->face] + k];
-    for (int e = hull->neighbor_start[v]; e < hull->neighbor_start[v + 1] && count < RING; e++) {
-      uint16_t f = hull->neighbor_face[e];
-      bool known = f == reference->face;
-      for (int i = 0; i < count && !known; i++) known = ring[i] == f;
-      if (!known) ring[count++] = f;
-    }
-  }
-  for (int i = 0; i < count; i++) {
-    if (gv_dot(hull_turn(core, hull->face_normal[ring[i]]), up) < steep) continue;
-    take_hull_face(core, ring[i], &side);
-    if (clip_segment(&side, up, segment, &part)) widen(&all, &part);
-  }
-  if (all.from > all.to) return;
+  span part;
+  limb_end end = {0, HUGE_VAL, face->face};
   gv_vec3 along = gv_sub(segment->p[1], segment->p[0]);
-  const double at[2] = {all.from, all.to}, gap[2] = {all.gap_from, all.gap_to};
-  const uint16_t face[2] = {all.face_from, all.face_to};
-  for (int k = 0; k < 2; k++) {
-    gv_vec3 p = gv_mad(segment->p[0], at[k], along), foot = gv_mad(p, -gap[k], up);
-    if (of_b) add_corner(m, p, foot, gap[k], face[k]);
-    else add_corner(m, foot, p, gap[k], NO_FACE);
+  for (int steps = 0; steps < WALK; steps++) {
+    if (!clip_segment(face, up, segment, &part)) break;
+    double at = to_end ? part.to : part.from, gap = gap_over(face, up, gv_mad(segment->p[0], at, along));
+    if (steps > 0 && (gap > limit || (to_end ? at <= end.at : at >= end.at))) break;
+    end = (limb_end){at, gap, face->face};
+    int leaves = to_end ? part.to_side : part.from_side;
+    if (leaves < 0 || core->kind != GV_CORE_HULL || end.gap > limit) break;
+    int next = face_across(core->hull, face->face, leaves);
+    if (gv_dot(hull_turn(core, core->hull->face_normal[next]), up) < steep) break;
+    take_hull_face(core, next, &side);
+    face = &side;
   }
+  return end;
+}
+
+// The nearest face to the reference that the limb lies over at all: the reference, or one around the vertex.
+static bool find_under_limb(const gv_core *core, int vertex, gv_vec3 up, const polygon *segment, polygon *io_face) {
+  span part;
+  if (clip_segment(io_face, up, segment, &part)) return true;
+  if (core->kind != GV_CORE_HULL) return false;
+  for (int k = core->hull->neighbor_start[vertex]; k < core->hull->neighbor_start[vertex + 1]; k++) {
+    int f = core->hull->neighbor_face[k];
+    if (gv_dot(hull_turn(core, core->hull->face_normal[f]), up) < steep) continue;
+    take_hull_face(core, f, io_face);
+    if (clip_segment(io_face, up, segment, &part)) return true;
+  }
+  return false;
+}
+
+// A limb along the sides of a core: the two ends of what lies over it are contacts.
+static void clip_limb(manifold *m, const gv_core *core, int vertex, polygon *reference, const polygon *segment, bool of_b) {
+  gv_vec3 up = of_b ? m->n : gv_neg(m->n), along = gv_sub(segment->p[1], segment->p[0]);
+  if (!find_under_limb(core, vertex, up, segment, reference)) return;
+  for (int k = 0; k < 2; k++) {
+    limb_end end = walk_limb(core, reference, up, m->limit, segment, k == 1);
+    gv_vec3 p = gv_mad(segment->p[0], end.at, along), foot = gv_mad(p, -end.gap, up);
+    if (of_b) add_corner(m, p, foot, end.gap, end.face);
+    else add_corner(m, foot, p, end.gap, NO_FACE);
+  }
+}
+
+// Of two corners in one place the deeper stays. The order of the others is kept: it is the order of the solver's rows.
+static bool has_deeper_twin(const manifold *m, int i) {
+  for (int k = 0; k < m->count; k++) {
+    if (k == i || gv_norm2(gv_sub(m->corner[i].on_a, m->corner[k].on_a)) > same_place * same_place) continue;
+    if (m->corner[k].gap < m->corner[i].gap || (m->corner[k].gap == m->corner[i].gap && k < i)) return true;
+  }
+  return false;
 }
 
 static void merge_near(manifold *m) {
-  for (int i = 0; i < m->count; i++) {
-    for (int k = i + 1; k < m->count; k++) {
-      if (gv_norm2(gv_sub(m->corner[i].on_a, m->corner[k].on_a)) > same_place * same_place) continue;
-      if (m->corner[k].gap < m->corner[i].gap) m->corner[i] = m->corner[k];
-      m->corner[k--] = m->corner[--m->count];
-    }
-  }
+  bool drop[CORNERS];
+  int kept = 0;
+  for (int i = 0; i < m->count; i++) drop[i] = has_deeper_twin(m, i);
+  for (int i = 0; i < m->count; i++)
+    if (!drop[i]) m->corner[kept++] = m->corner[i];
+  m->count = kept;
 }
 
 // How much a further contact at p would add: its distance to the nearest one kept.
@@ -231,7 +255,8 @@ static double spread_of(const corner *kept, int count, gv_vec3 p) {
 
 // Keep the deepest, then always the one farthest from those kept.
 static void reduce(manifold *m) {
-  for (int kept = 0; kept < GV_MAX_PAIR_CONTACTS && kept < m->count; kept++) {
+  if (m->count <= GV_MAX_PAIR_CONTACTS) return;
+  for (int kept = 0; kept < GV_MAX_PAIR_CONTACTS; kept++) {
     int best = kept;
     for (int i = kept + 1; i < m->count; i++) {
       bool better = kept == 0 ? m->corner[i].gap < m->corner[best].gap - same_gap
@@ -242,7 +267,7 @@ static void reduce(manifold *m) {
     m->corner[kept] = m->corner[best];
     m->corner[best] = swap;
   }
-  if (m->count > GV_MAX_PAIR_CONTACTS) m->count = GV_MAX_PAIR_CONTACTS;
+  m->count = GV_MAX_PAIR_CONTACTS;
 }
 
 // The closest point itself, unless a corner is as deep.
@@ -265,8 +290,8 @@ static void gather(manifold *m, const gv_cso *cso, gv_pair_cache *cache, uint16_
   double facing_b = b.count > 2 ? gv_dot(b.normal, m->n) : 0, facing_a = a.count > 2 ? -gv_dot(a.normal, m->n) : 0;
   bool of_b = facing_b >= facing_a - 1e-6;
   if (fmax(facing_a, facing_b) < steep) return;
-  if (of_b && a.count == 2) clip_limb(m, &cso->b, &b, &a, true);
-  else if (!of_b && b.count == 2) clip_limb(m, &cso->a, &a, &b, false);
+  if (of_b && a.count == 2) clip_limb(m, &cso->b, cache->vertex_b, &b, &a, true);
+  else if (!of_b && b.count == 2) clip_limb(m, &cso->a, cache->vertex_a, &a, &b, false);
   else if (of_b) clip_polygons(m, &b, &a, true);
   else clip_polygons(m, &a, &b, false);
 }
