@@ -138,10 +138,10 @@ static double outside_box(gv_vec3 p, const gv_hull *piece) {
 
 // How far p lies outside of the nearest piece, by its face planes (at most the distance); 0 or less: inside.
 static double outside_pieces(gv_vec3 p, const gv_hull *piece, int piece_count) {
-  double least = INFINITY;
+  double least = HUGE_VAL;
   for (int i = 0; i < piece_count && least > 0; i++) {
     if (outside_box(p, &piece[i]) >= least) continue;
-    double most = -INFINITY;
+    double most = -HUGE_VAL;
     for (int f = 0; f < piece[i].face_count && most < least; f++)
       most = fmax(most, gv_dot(piece[i].face_normal[f], p) - piece[i].face_offset[f]);
     least = fmin(least, most);
@@ -225,7 +225,7 @@ static bool concerns(const gv_vec3 q[3], const gv_hull *piece, double fit_m) {
 }
 
 static double mesh_distance(const gv_mesh *mesh, gv_vec3 p) {
-  double nearest = INFINITY;
+  double nearest = HUGE_VAL;
   for (int t = 0; t < mesh->triangle_count; t++)
     nearest = fmin(nearest, triangle_distance(p, corner(mesh, t, 0), corner(mesh, t, 1), corner(mesh, t, 2)));
   return nearest;
