@@ -5,6 +5,7 @@
 #define GLOVED_DRIVERS_H
 
 #include "gloved/frame.h"
+#include "gloved/hand.h"
 
 // ---- cannelloni v2 over UDP -----------------------------------------------------------------------
 // One Ethernet datagram; at 5 bytes for an empty frame no datagram of ours holds more than 293 frames.
@@ -60,5 +61,44 @@ int64_t gv_trace_length_ns(const gv_driver *trace);
 // data/scripts/power_box.user, NAME is a member of gv_sim_device. Its time starts at 0 with the first poll,
 // the script with it. On error returns negative and writes one line (what, what to do) to err.
 int gv_sim_open(const char *url, gv_driver *out, char *err, size_t err_size);
+
+// ---- serial devices -------------------------------------------------------------------------------
+// Both read a serial line (8N1, raw) in poll, one system call of 1 to 2 us, at most 512 bytes at a time, and stamp
+// with now_ns; a frame's age is the time its bytes took on the line, of those behind it in the same read too,
+// and for the tracker what its maker states (4 ms). Opening, setting up and reconnecting are done by a thread of the driver, every 0.2 s
+// for as long as the device is away; a device that falls silent for 1 s is set up anew. Only a line that cannot
+// be opened at all is an error when the driver is opened. `bad`: stretches of bytes that are no record (a
+// record changed on the way, garbage, a record of which a part was lost). send does nothing and counts nothing.
+//
+// "serial:DEVICE?type=fastrak[&baud=115200&hand=2&head=1|none&hemisphere=+x|-x|+y|-y|+z|-z&format=binary|ascii]":
+// Polhemus FASTRAK, POSE frames: receiver 2 from the station `hand`, receiver 1 from the station `head`. A
+// record with an error letter gives a frame with GV_POSE_TRACKER_ERROR and without GV_POSE_VALID.
+int gv_fastrak_open(const char *url, const gv_pose *T_world_tracker, gv_driver *out, char *err, size_t err_size);
+// T_world_tracker of a transmitter that stands upright on a table: its x, away from its cable, is the world's, its z points down.
+gv_pose gv_fastrak_upright(void);
+// "serial:DEVICE?type=cyberglove[&baud=115200&sensors=ask|18|22&wide=no|yes]": CyberGlove, GLOVE frames without
+// dead-man switch: a bare glove lets no force out. sensors=ask (default) asks the glove; wide: the 16-bit stream
+// of the CyberGlove III. The glove says which hand it is made for; `side` stands in for one that does not
+// answer. `cal` is what the counts will be read with (the distal joints of an 18-sensor glove follow from it).
+int gv_cyberglove_open(const char *url, const gv_calibration *cal, gv_side side, gv_driver *out, char *err, size_t err_size);
+
+// What a serial driver has seen. Any thread but for the counts, which belong to the thread that polls.
+typedef struct gv_serial_report {
+  bool connected;          // the device was set up and its records are read
+  unsigned connections;    // times that this came about
+  uint64_t records;        // whole ones, of every kind and station
+  uint64_t bad_bytes, bad_runs; // bytes thrown away, and unbroken stretches of them
+  // CyberGlove, as told by the glove (or the URL): number of sensors, 0: not known yet; and its own calibration
+  // (?C), in the order of its sensors. It is not used: the unit of its gains is not public.
+  int sensors;
+  bool calibrated;
+  uint8_t offset[GV_SENSORS], gain[GV_SENSORS];
+} gv_serial_report;
+gv_serial_report gv_serial_report_of(const gv_driver *serial);
+
+// ---- two devices as one ---------------------------------------------------------------------------
+// Frames of both in the order of their stamps, POSE of the tracker alone; what is sent goes to the fcu. Ends
+// with the fcu. Takes both over: closing it closes them; on error both are closed already.
+int gv_pair_open(gv_driver fcu, gv_driver tracker, gv_driver *out, char *err, size_t err_size);
 
 #endif

@@ -1,0 +1,211 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// The simulated serial devices (serial_sim.h). Pure; deterministic for a seed and the bytes it receives.
+#include "serial_sim.h"
+
+#include <stdio.h>
+#include <string.h>
+
+enum { CTRL_Y = 0x19 };
+
+static double uniform(serial_sim *s) {
+  s->random ^= s->random >> 12;
+  s->random ^= s->random << 25;
+  s->random ^= s->random >> 27;
+  return (double)((s->random * 2685821657736338717ULL) >> 11) / 9007199254740992.0;
+}
+static bool chance(serial_sim *s, double p) { return p > 0.0 && uniform(s) < p; }
+static int below(serial_sim *s, int n) { return (int)(n * uniform(s)); }
+
+// ---- bytes out, with the line's faults ------------------------------------------------------------
+
+static void put_byte(serial_sim *s, uint8_t byte) {
+  if (s->out_count < SERIAL_SIM_OUT) s->out[s->out_count++] = byte;
+}
+
+static void put_bytes(serial_sim *s, const void *bytes, int count) {
+  for (int i = 0; i < count; i++) put_byte(s, ((const uint8_t *)bytes)[i]);
+}
+
+static void put_garbage(serial_sim *s, int count) {
+  s->garbage_bytes += (uint64_t)count;
+  while (count-- > 0) put_byte(s, (uint8_t)below(s, 256));
+}
+
+static void put_record(serial_sim *s, const uint8_t *byte, int count) {
+  int from = count, missing = 0;
+  bool changed = false;
+  if (chance(s, s->faults.garbage)) put_garbage(s, 1 + below(s, 20));
+  if (chance(s, s->faults.gap)) {
+    from = below(s, count);
+    missing = 1 + below(s, count - from);
+  }
+  for (int i = 0; i < count; i++) {
+    if (i >= from && i < from + missing) continue;
+    const uint8_t sent = chance(s, s->faults.noise) ? (uint8_t)below(s, 256) : byte[i];
+    changed |= sent != byte[i];
+    put_byte(s, sent);
+  }
+  if (changed || missing) s->damaged++;
+  else s->whole++;
+}
+
+// ---- FASTRAK --------------------------------------------------------------------------------------
+
+static void send_pose(serial_sim *s, const gv_pose_msg *msg) {
+  const int station = msg->receiver;
+  if (!s->streaming || !s->station_on[station] || !s->listed[station]) return;
+  gv_fastrak_record record = {station, ' ', gv_pose_mul(s->T_tracker_world, msg->T_world_receiver)};
+  if (!s->centimetres) record.T_tracker_receiver.p = gv_scale(record.T_tracker_receiver.p, 1.0 / 2.54);
+  uint8_t byte[GV_FASTRAK_ASCII_BYTES];
+  put_record(s, byte, gv_fastrak_encode(s->binary ? GV_FASTRAK_BINARY : GV_FASTRAK_ASCII, &record, byte));
+}
+
+static void refuse(serial_sim *s) {
+  char text[96];
+  s->refused++;
+  const int n = snprintf(text, sizeof text, "2 E*ERROR*%.*s*ERROR* EC -99 *PS 0 *FL 0 *ST 0\r\n", (int)s->command_length, s->command);
+  put_bytes(s, text, n);
+}
+
+// A command that ends with CR.
+static void run_fastrak_line(serial_sim *s) {
+  const char *c = s->command;
+  const int station = s->command_length > 1 ? c[1] - '0' : 0;
+  const bool known = (c[0] == 'l' || c[0] == 'H' || c[0] == 'O') && station >= 1 && station <= GV_FASTRAK_STATIONS;
+  if (known && c[0] == 'l' && s->command_length == 4) s->station_on[station] = c[3] == '1';
+  else if (known && c[0] == 'O') s->listed[station] = strcmp(c + 2, s->binary ? ",2,11,0" : ",2,11,1") == 0;
+  else if (!known || c[0] == 'l') refuse(s);
+}
+
+static void receive_fastrak(serial_sim *s, char c) {
+  if (s->command_length > 0 && c != '\r') {
+    if (s->command_length < SERIAL_SIM_COMMAND - 1) s->command[s->command_length++] = c;
+    return;
+  }
+  s->commands++;
+  switch (s->command_length ? '\r' : c) {
+    case 'c': s->streaming = false; break;
+    case 'C': s->streaming = true; break;
+    case 'u': s->centimetres = true; break;
+    case 'U': s->centimetres = false; break;
+    case 'f': s->binary = true; break;
+    case 'F': s->binary = false; break;
+    case CTRL_Y: serial_sim_reset(s); break;
+    case 'l': case 'H': case 'O': s->command[s->command_length++] = c; break;
+    case '\r':
+      if (s->command_length > 0) run_fastrak_line(s);
+      memset(s->command, 0, sizeof s->command);
+      s->command_length = 0;
+      break;
+    default: refuse(s);
+  }
+}
+
+// ---- CyberGlove -----------------------------------------------------------------------------------
+
+static void send_glove(serial_sim *s, char echo) {
+  const gv_cyberglove_format format = {s->sensors, s->wide && echo == 'S'};
+  uint8_t byte[GV_CYBERGLOVE_MAX_BYTES];
+  put_record(s, byte, gv_cyberglove_encode(&format, s->glove.raw, echo, 1e-9 * (double)s->sim.now_ns, byte));
+}
+
+static void answer_query(serial_sim *s, char query) {
+  const uint8_t right = s->sim.script.side == GV_RIGHT;
+  put_byte(s, '?');
+  put_byte(s, (uint8_t)query);
+  switch (query) {
+    case 'S': put_byte(s, (uint8_t)s->sensors); break;
+    case 'R': put_byte(s, right); break;
+    case 'C': for (int i = 0; i < 2 * s->sensors; i++) put_byte(s, (uint8_t)(i < s->sensors ? 60 + i : 100 + i)); break;
+    default: s->refused++;
+  }
+  put_byte(s, 0);
+}
+
+static void start_glove(serial_sim *s, bool wide) {
+  s->streaming = true;
+  s->wide = wide;
+}
+
+static bool begun_with(const serial_sim *s, const char *text) {
+  return s->command_length == strlen(text) && memcmp(s->command, text, strlen(text)) == 0;
+}
+
+// Returns true where the command needs more bytes.
+static bool receive_glove_begun(serial_sim *s, char c) {
+  if (begun_with(s, "?")) answer_query(s, c);
+  else if (begun_with(s, "D") || begun_with(s, "U")) put_bytes(s, (const uint8_t[]){(uint8_t)s->command[0], 0}, 2);
+  else if (begun_with(s, "1") && c == 'e') return true;
+  else if (begun_with(s, "1") && c == 'S') start_glove(s, true);
+  else if (!begun_with(s, "1e") || c != 'u') put_bytes(s, "e?", 3);
+  return false;
+}
+
+static void receive_cyberglove(serial_sim *s, char c) {
+  bool more = false;
+  if (s->command_length > 0) more = receive_glove_begun(s, c);
+  else if (c == 'G') send_glove(s, 'G');
+  else if (c == 'S') start_glove(s, false);
+  else if (c == GV_CYBERGLOVE_STOP) s->streaming = false;
+  else if (memchr("?DU1", c, 4)) more = true;
+  else put_bytes(s, "e?", 3);
+  s->commands += more ? 0 : 1;
+  if (more) s->command[s->command_length++] = c;
+  else s->command_length = 0;
+}
+
+// ---- both -----------------------------------------------------------------------------------------
+
+void serial_sim_receive(serial_sim *s, const uint8_t *byte, int count) {
+  for (int i = 0; i < count; i++) {
+    if (s->kind == SERIAL_SIM_FASTRAK) receive_fastrak(s, (char)byte[i]);
+    else receive_cyberglove(s, (char)byte[i]);
+  }
+}
+
+void serial_sim_reset(serial_sim *s) {
+  s->streaming = s->binary = s->centimetres = s->wide = false;
+  memset(s->station_on, 0, sizeof s->station_on);
+  memset(s->listed, 0, sizeof s->listed);
+  s->station_on[1] = s->station_on[2] = true;  // the receivers that are plugged in
+  s->command_length = 0;
+  put_garbage(s, 7);
+}
+
+static void take_frame(serial_sim *s, const gv_frame *frame) {
+  gv_pose_msg pose;
+  if (s->kind == SERIAL_SIM_FASTRAK && gv_fcu_unpack_pose(frame, &pose) == GV_FCU_OK) send_pose(s, &pose);
+  if (s->kind == SERIAL_SIM_CYBERGLOVE && gv_fcu_unpack_glove(frame, &s->glove) == GV_FCU_OK && s->streaming) send_glove(s, 'S');
+}
+
+int serial_sim_advance(serial_sim *s, int64_t now_ns, uint8_t *out, int max) {
+  gv_frame frame[16];
+  int n;
+  // Full: what a real device would go on sending is lost.
+  while ((n = gv_sim_advance(&s->sim, now_ns, frame, 16)) > 0)
+    for (int i = 0; i < n; i++) take_frame(s, &frame[i]);
+  n = s->out_count < max ? s->out_count : max;
+  memcpy(out, s->out, (size_t)n);
+  s->out_count -= n;
+  memmove(s->out, s->out + n, (size_t)s->out_count);
+  return n;
+}
+
+void serial_sim_adapt(gv_sim_device *device) {
+  device->tracker_hz = device->head_hz = 60;
+  device->glove_hz_min = 90;
+  device->glove_hz_max = 150;
+  device->late_chance = device->loss_chance = 0;
+}
+
+void serial_sim_init(serial_sim *s, serial_sim_kind kind, const gv_sim_script *script, const gv_pose *T_world_tracker, uint64_t seed) {
+  memset(s, 0, sizeof *s);
+  s->kind = kind;
+  s->sensors = GV_SENSORS;
+  s->T_tracker_world = gv_pose_inv(*T_world_tracker);
+  s->random = 0x2545f4914f6cdd1dULL * (seed ? seed : 1);
+  gv_sim_init(&s->sim, script, NULL, seed);
+  gv_sim_start(&s->sim);
+  memcpy(s->glove.raw, s->sim.raw, sizeof s->glove.raw);
+  serial_sim_reset(s);
+}

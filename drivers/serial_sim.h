@@ -1,0 +1,52 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// A simulated FASTRAK or CyberGlove: the scripted user of gv_sim, seen through the bytes of a serial line. It
+// understands the commands that the drivers send, starts silent as the real ones do, and does to its bytes
+// what lines do: garbage between records, bytes that are missing, bytes that changed. Bytes and time in, bytes
+// out; no descriptor, no clock. tools/serialsim.c puts it behind a pseudo-terminal.
+#ifndef DRIVERS_SERIAL_SIM_H
+#define DRIVERS_SERIAL_SIM_H
+
+#include "cyberglove.h"
+#include "fastrak.h"
+#include "gloved/sim.h"
+
+typedef enum serial_sim_kind { SERIAL_SIM_FASTRAK, SERIAL_SIM_CYBERGLOVE } serial_sim_kind;
+
+enum { SERIAL_SIM_OUT = 4096, SERIAL_SIM_COMMAND = 32 };
+
+typedef struct serial_sim_faults {
+  double garbage, gap;       // chance per record: 1 to 20 random bytes in front of it; a part of it missing
+  double noise;              // chance per byte to become another
+} serial_sim_faults;
+
+typedef struct serial_sim {
+  gv_sim sim;
+  serial_sim_kind kind;
+  serial_sim_faults faults;
+  gv_pose T_tracker_world;
+  int sensors;               // of the glove, 18 or 22
+  uint64_t random;
+  // what the driver has set up; a reset forgets it
+  bool streaming, binary, centimetres, wide;
+  bool station_on[GV_FASTRAK_STATIONS + 1], listed[GV_FASTRAK_STATIONS + 1];
+  char command[SERIAL_SIM_COMMAND]; // begun
+  unsigned command_length;
+  gv_glove_msg glove;        // newest sample
+  uint8_t out[SERIAL_SIM_OUT]; // waiting to be sent
+  int out_count;
+  uint64_t whole, damaged, garbage_bytes, commands, refused; // so far
+} serial_sim;
+
+// Makes rates and transport of a gv_sim device those of a serial one: tracker 60 Hz a receiver, glove 90 to
+// 150 Hz, nothing late or lost but what the faults say.
+void serial_sim_adapt(gv_sim_device *device);
+// The script starts at once.
+void serial_sim_init(serial_sim *s, serial_sim_kind kind, const gv_sim_script *script, const gv_pose *T_world_tracker, uint64_t seed);
+// What the driver wrote.
+void serial_sim_receive(serial_sim *s, const uint8_t *byte, int count);
+// Power off and on: it forgets its set-up, and the line crackles.
+void serial_sim_reset(serial_sim *s);
+// Up to `max` bytes due by now_ns (since init). Cost: 1 us a millisecond.
+int serial_sim_advance(serial_sim *s, int64_t now_ns, uint8_t *out, int max);
+
+#endif

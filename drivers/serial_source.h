@@ -1,0 +1,42 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// What the drivers of serial devices share: port, bytes read, the window over them, and the counts.
+#ifndef DRIVERS_SERIAL_SOURCE_H
+#define DRIVERS_SERIAL_SOURCE_H
+
+#include "framer.h"
+#include "gloved/drivers.h"
+#include "serial_port.h"
+#include "serial_url.h"
+
+enum { SERIAL_CHUNK = 512 };   // bytes of one read(): 44 ms at 115200 baud
+
+typedef struct serial_source {
+  serial_port port;
+  serial_url url;
+  framer framer;
+  int setting;                 // of the connection that the bytes came from
+  uint8_t chunk[SERIAL_CHUNK];
+  int next, count;             // within chunk
+  uint64_t rx;                 // frames handed out
+  // What a glove said of itself; written by the keeper.
+  atomic_int sensors;
+  atomic_bool calibrated;
+  _Atomic uint8_t offset[GV_SENSORS], gain[GV_SENSORS];
+} serial_source;
+
+// Whether there are bytes; reads from the line at most once for each *may_read.
+bool serial_source_ready(serial_source *s, bool *may_read);
+// Takes the next record among them. Returns its length (it stands at s->framer.byte) or 0: the bytes are used
+// up. out_age_us: what the line took for it and for the bytes behind it.
+int serial_source_next(serial_source *s, framer_scan scan, const void *format, uint32_t *out_age_us);
+gv_driver_stats serial_source_stats(const serial_source *s);
+// Opens the port of s->url. 0, or negative with one line in the URL's err.
+int serial_source_open(serial_source *s, int (*set_up)(void *self, int fd), void *self);
+
+// Entries of the driver table that are the same for all; `self` starts with a serial_source.
+int serial_source_send(void *self, const gv_frame *frame, int count);
+bool serial_source_ended(void *self);
+gv_driver_stats serial_source_driver_stats(void *self);
+void serial_source_close(void *self);
+
+#endif
