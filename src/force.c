@@ -44,7 +44,7 @@ void gv_tendon_map(const gv_joint_axis joint[GV_SENSORS], const gv_pose T_world_
 }
 
 gv_limiter_config gv_limiter_config_default(void) {
-  return (gv_limiter_config){.max_n = 12.0, .slew_n_per_s = 400.0, .ramp_s = 0.015, .max_age_s = 0.05};
+  return (gv_limiter_config){.max_n = 12.0, .finger_max_n = {12.0, 12.0, 12.0, 12.0, 12.0}, .slew_n_per_s = 400.0, .ramp_s = 0.015, .max_age_s = 0.05};
 }
 
 void gv_limiter_init(gv_limiter *limiter, const gv_limiter_config *cfg) {
@@ -52,10 +52,10 @@ void gv_limiter_init(gv_limiter *limiter, const gv_limiter_config *cfg) {
   limiter->cfg = *cfg;
 }
 
-// No force for a desire that is not finite; the channel's maximum; never faster up than the slew limit.
-static double limit_channel(const gv_limiter_config *c, double desired, double last, double dt_s, unsigned *flags) {
-  double want = desired > 0.0 ? desired : 0.0;
-  if (want > c->max_n) { want = c->max_n; *flags |= GV_LIMITER_VALUE; }
+// At least the pretension, at most the channel's maximum, never faster up than the slew limit.
+static double limit_channel(const gv_limiter_config *c, double max_n, double desired, double last, double dt_s, unsigned *flags) {
+  double want = desired > c->pretension_n ? desired : c->pretension_n;
+  if (want > max_n) { want = max_n; *flags |= GV_LIMITER_VALUE; }
   double rise = c->slew_n_per_s * dt_s;
   if (want > last + rise) { want = last + rise; *flags |= GV_LIMITER_SLEW; }
   return want;
@@ -72,9 +72,9 @@ unsigned gv_limiter_step(gv_limiter *l, const double desired_n[GV_FINGERS], bool
   // Full force to zero within ramp_s, whatever the force was.
   double fall = c->ramp_s > 0.0 ? c->max_n * dt_s / c->ramp_s : c->max_n;
   for (int i = 0; i < GV_FINGERS; i++) {
-    double last = l->out_n[i];
-    double next = doubt ? last - fall : limit_channel(c, desired_n[i], last, dt_s, &flags);
-    l->out_n[i] = out_n[i] = next > 0.0 ? fmin(next, c->max_n) : 0.0;
+    double last = l->out_n[i], max_n = fmin(c->max_n, c->finger_max_n[i]);
+    double next = doubt ? last - fall : limit_channel(c, max_n, desired_n[i], last, dt_s, &flags);
+    l->out_n[i] = out_n[i] = next > 0.0 ? fmin(next, max_n) : 0.0;
   }
   return flags;
 }

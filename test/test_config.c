@@ -53,7 +53,7 @@ static void test_example_equals_the_defaults(void) {
   SAME(engine.contact_cfm); SAME(engine.world_cfm); SAME(engine.contact_margin_m); SAME(engine.solver);
   SAME(engine.dantzig_contacts); SAME(engine.quick_iterations); SAME(engine.override_gravity_m_s2);
   SAME(engine.override_mass_kg); SAME(engine.override_mu); SAME(engine.override_sphere_inertia);
-  SAME(limiter.max_n); SAME(limiter.slew_n_per_s); SAME(limiter.ramp_s); SAME(limiter.max_age_s);
+  SAME(limiter.max_n); SAME(limiter.finger_max_n); SAME(limiter.pretension_n); SAME(limiter.slew_n_per_s); SAME(limiter.ramp_s); SAME(limiter.max_age_s);
   SAME(safety.max_age_s); SAME(safety.arm_below_n); SAME(safety.bad_limit); SAME(safety.bad_window_s);
   SAME(safety.overrun_limit);
   SAME(scene); SAME(fcu); SAME(tracker); SAME(lcm); SAME(calibration); SAME(rate_hz); SAME(cpu); SAME(rt_priority);

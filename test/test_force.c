@@ -32,6 +32,21 @@ static void test_limiter_never_breaks_its_promises(void) {
   }
 }
 
+static void test_each_channel_has_its_own_limits(void) {
+  gv_limiter l;
+  gv_limiter_config cfg = gv_limiter_config_default();
+  cfg.finger_max_n[3] = 2.0;
+  cfg.pretension_n = 0.15;
+  gv_limiter_init(&l, &cfg);
+  const double want[GV_FINGERS] = {0, 0.1, 5, 5, 50};
+  double out[GV_FINGERS];
+  for (int i = 0; i < 100; i++) gv_limiter_step(&l, want, true, 0, dt, out);
+  const double expect[GV_FINGERS] = {0.15, 0.15, 5, 2, 12};
+  for (int f = 0; f < GV_FINGERS; f++) CHECK_NEAR(out[f], expect[f], 1e-12);
+  for (int i = 0; i < 20; i++) gv_limiter_step(&l, want, false, 0, dt, out);
+  for (int f = 0; f < GV_FINGERS; f++) CHECK(out[f] == 0, "no pretension while forces may not leave");
+}
+
 static void test_any_doubt_is_zero_within_the_ramp(void) {
   const double want[GV_FINGERS] = {20, 20, 20, 20, 20}, broken[GV_FINGERS] = {1, NAN, 1, 1, 1};
   for (int cause = 0; cause < 4; cause++) {
@@ -179,6 +194,7 @@ static void test_a_fingertip_force_is_felt(void) {
 
 int main(void) {
   RUN(test_limiter_never_breaks_its_promises);
+  RUN(test_each_channel_has_its_own_limits);
   RUN(test_any_doubt_is_zero_within_the_ramp);
   RUN(test_the_way_up);
   RUN(test_a_switch_held_at_start_does_not_arm);

@@ -17,7 +17,9 @@ void gv_tendon_map(const gv_joint_axis joint[GV_SENSORS], const gv_pose T_world_
 int gv_tendon_joints(int finger, int out_sensor[3], double out_arm_m[3]);
 
 typedef struct gv_limiter_config {
-  double max_n;            // of each channel (CyberGrasp: 12)
+  double max_n;            // of every channel (CyberGrasp: 12)
+  double finger_max_n[GV_FINGERS]; // of each channel, where lower
+  double pretension_n;     // the least pull while forces may leave, so that no tendon hangs slack; 0: none
   double slew_n_per_s;     // the fastest a force may rise; falling is never slowed except by ramp_s
   double ramp_s;           // full force to zero when doubt arises
   double max_age_s;        // of the newest sample behind the force
@@ -37,7 +39,8 @@ typedef struct gv_limiter {
 
 void gv_limiter_init(gv_limiter *limiter, const gv_limiter_config *cfg);
 // One period of dt_s. enabled false, an age over its limit or not finite, or any not-finite force: all
-// five ramp to zero within ramp_s. Returns gv_limiter_flag bits. out is in [0, max_n], always finite.
+// five ramp to zero within ramp_s. Returns gv_limiter_flag bits. out is in [0, min(max_n, finger_max_n)],
+// always finite.
 unsigned gv_limiter_step(gv_limiter *limiter, const double desired_n[GV_FINGERS], bool enabled, double age_s,
                          double dt_s, double out_n[GV_FINGERS]);
 

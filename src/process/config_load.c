@@ -189,6 +189,8 @@ static void read_limiter(gv_conf_group *root, gv_limiter_config *out) {
   gv_conf_group limiter;
   if (!gv_conf_enter(root, "limiter", &limiter)) return;
   gv_conf_number(&limiter, "max_n", 0, MAX_TENSION_N, &out->max_n);
+  gv_conf_numbers(&limiter, "finger_max_n", 0, MAX_TENSION_N, GV_FINGERS, "[thumb, index, middle, ring, little]", out->finger_max_n);
+  gv_conf_number(&limiter, "pretension_n", 0, 2, &out->pretension_n);
   gv_conf_number(&limiter, "slew_n_per_s", 1, 1e5, &out->slew_n_per_s);
   gv_conf_number(&limiter, "ramp_s", 0.001, 1, &out->ramp_s);
   gv_conf_number(&limiter, "max_age_s", 0.001, 1, &out->max_age_s);
