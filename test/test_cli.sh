@@ -50,8 +50,13 @@ refused scene_directory "$tmp" --scene "$tmp"
 refused fcu_kind gopher: --fcu gopher:x
 refused fcu_empty --fcu --fcu ''
 refused fcu_can 'not built yet' --fcu can:can0
-refused fcu_serial 'not built yet' --fcu 'serial:/dev/null?type=cyberglove'
-refused tracker 'not built yet' --tracker 'serial:/dev/null?type=fastrak'
+refused glove_alone 'add --tracker' --fcu 'serial:/dev/null?type=cyberglove'
+refused glove_no_tty 'give a serial device' --fcu 'serial:/dev/null?type=cyberglove' --tracker 'serial:/dev/null?type=fastrak'
+refused glove_no_type 'no type of device' --fcu 'serial:/dev/null' --tracker 'serial:/dev/null?type=fastrak'
+refused glove_is_tracker 'give it as --tracker' --fcu 'serial:/dev/null?type=fastrak' --tracker 'serial:/dev/null?type=fastrak'
+refused tracker_no_tty 'give a serial device' --tracker 'serial:/dev/null?type=fastrak'
+refused tracker_unknown 'no such tracker' --tracker 'serial:/dev/null?type=liberty'
+refused tracker_too_fast 'speed=0' --fcu 'sim:?speed=0' --tracker 'serial:/dev/null?type=fastrak'
 refused trace_missing "$tmp/no.log" --fcu "trace:$tmp/no.log"
 refused trace_broken "$tmp/broken.log:1" --fcu "trace:$tmp/broken.log"
 refused trace_without_glove "$tmp/empty.log" --fcu "trace:$tmp/empty.log"

@@ -56,7 +56,7 @@ static void test_example_equals_the_defaults(void) {
   SAME(limiter.max_n); SAME(limiter.finger_max_n); SAME(limiter.pretension_n); SAME(limiter.slew_n_per_s); SAME(limiter.ramp_s); SAME(limiter.max_age_s);
   SAME(safety.max_age_s); SAME(safety.arm_below_n); SAME(safety.bad_limit); SAME(safety.bad_window_s);
   SAME(safety.overrun_limit);
-  SAME(scene); SAME(fcu); SAME(tracker); SAME(lcm); SAME(calibration); SAME(rate_hz); SAME(cpu); SAME(rt_priority);
+  SAME(T_world_tracker); SAME(scene); SAME(fcu); SAME(tracker); SAME(lcm); SAME(calibration); SAME(rate_hz); SAME(cpu); SAME(rt_priority);
   SAME(mlock);
 }
 
@@ -101,6 +101,7 @@ static void test_settings_arrive(void) {
                       "  segment_mm = ([50,30,25],[40,22,20],[47,28,21],[43,26,23],[34,18,20]);\n"
                       "  limits_deg = { index_pij = [5, 95]; }; };\n"
                       "receiver = { position_mm = [10, 20, -30]; orientation = [0.0, 0.0, 0.0, 1.0]; };\n"
+                      "tracker_to_world = { position_mm = [-1500, 0, 900]; orientation = [0.6, 0.0, 0.0, 0.8]; };\n"
                       "filter = { corner_hz = 0; gate_rad = 0.5; gate_m = 0.1; };\n"
                       "coupling = { rotation_law = \"paper\"; limb_gravity = true; palm = { mass_kg = 0.2; d_t = 3; }; };\n"
                       "contact = { mu_hand = 1; friction = \"fixed_limit\"; erp = 0.5; cfm = 0.01; world_cfm = 1e-9; margin_mm = 1; };\n"
@@ -118,6 +119,7 @@ static void test_settings_arrive(void) {
   CHECK_NEAR(h->angle_min_rad[GV_INDEX_PIJ], 5 * GV_PI / 180, 1e-15);
   CHECK_NEAR(h->angle_max_rad[GV_INDEX_PIJ], 95 * GV_PI / 180, 1e-15);
   CHECK(s.engine.T_receiver_wrist.p.z == -0.03 && s.engine.T_receiver_wrist.q.z == 1, "receiver");
+  CHECK(s.T_world_tracker.p.x == -1.5 && s.T_world_tracker.p.z == 0.9 && s.T_world_tracker.q.z == 0.8, "tracker_to_world");
   CHECK(s.engine.filter_hz == 0 && s.engine.gate_rad == 0.5 && s.engine.gate_m == 0.1, "filter");
   CHECK(s.engine.rotation_law == GV_ROTATION_PAPER && s.engine.limb_gravity, "coupling");
   CHECK(s.engine.palm_mass_kg == 0.2 && s.engine.palm.d_t == 3, "palm");

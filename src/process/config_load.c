@@ -9,6 +9,7 @@
 #include <string.h>
 
 #include "conf.h"
+#include "gloved/drivers.h"
 
 #define DEG (GV_PI / 180)
 #define MAX_TENSION_N 12.285     // what a force command can carry (gloved/fcu.h)
@@ -18,6 +19,7 @@ void gv_settings_default(gv_settings *out) {
   out->engine = gv_config_default();
   out->limiter = gv_limiter_config_default();
   out->safety = gv_safety_config_default();
+  out->T_world_tracker = gv_fastrak_upright();
   snprintf(out->scene, sizeof out->scene, "data/scenes/box.scene");
   snprintf(out->fcu, sizeof out->fcu, "sim:");
   snprintf(out->lcm, sizeof out->lcm, "udpm://239.255.76.67:7667?ttl=0");
@@ -95,18 +97,18 @@ static void read_hand(gv_conf_group *root, gv_hand_model *out) {
   gv_conf_leave(&hand);
 }
 
-static void read_receiver(gv_conf_group *root, gv_pose *out) {
-  gv_conf_group receiver;
-  if (!gv_conf_enter(root, "receiver", &receiver)) return;
+static void read_pose(gv_conf_group *root, const char *key, double limit_mm, gv_pose *out) {
+  gv_conf_group pose;
+  if (!gv_conf_enter(root, key, &pose)) return;
   double q[4];
-  read_vector_mm(&receiver, "position_mm", -500, 500, &out->p);
-  if (gv_conf_numbers(&receiver, "orientation", -1.001, 1.001, 4, "the quaternion [w, x, y, z]", q)) {
+  read_vector_mm(&pose, "position_mm", -limit_mm, limit_mm, &out->p);
+  if (gv_conf_numbers(&pose, "orientation", -1.001, 1.001, 4, "the quaternion [w, x, y, z]", q)) {
     double length = sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]);
     if (fabs(length - 1) > 1e-3)
-      gv_conf_fail(gv_conf_find(&receiver, "orientation"), "the quaternion has length %.4g; scale it to 1", length);
+      gv_conf_fail(gv_conf_find(&pose, "orientation"), "the quaternion has length %.4g; scale it to 1", length);
     out->q = gv_quat_normalize((gv_quat){q[0], q[1], q[2], q[3]});
   }
-  gv_conf_leave(&receiver);
+  gv_conf_leave(&pose);
 }
 
 static void read_filter(gv_conf_group *root, gv_config *out) {
@@ -246,7 +248,8 @@ static void read_settings(gv_conf_group *root, gv_settings *out) {
   read_calibration(root, out);
   read_realtime(root, out);
   read_hand(root, &out->engine.hand);
-  read_receiver(root, &out->engine.T_receiver_wrist);
+  read_pose(root, "receiver", 500, &out->engine.T_receiver_wrist);
+  read_pose(root, "tracker_to_world", 10000, &out->T_world_tracker);
   read_filter(root, &out->engine);
   read_coupling(root, &out->engine);
   read_contact(root, &out->engine);

@@ -16,6 +16,7 @@ typedef struct gv_settings {
   gv_config engine;
   gv_limiter_config limiter;
   gv_safety_config safety;
+  gv_pose T_world_tracker;           // for a tracker of its own: its transmitter in the world
   // Paths are relative to the directory that the daemon is started in, as on the command line.
   char scene[GV_SETTING_TEXT];       // --scene
   char fcu[GV_SETTING_TEXT];         // --fcu

@@ -98,9 +98,8 @@ static int open_summary(program *p) {
 
 static int set_up(program *p) {
   if (gv_options_settings(&p->options, &p->settings, p->err, sizeof p->err)) return -1;
-  if (gv_tracker_check(p->settings.tracker, p->err, sizeof p->err)) return -1;
   if (open_world(p)) return -1;
-  if (gv_device_open(p->settings.fcu, &p->driver, &p->pace, p->err, sizeof p->err)) return -1;
+  if (gv_device_open(&p->settings, &p->driver, &p->pace, p->err, sizeof p->err)) return -1;
   if (open_telemetry(p)) return -1;
   return open_summary(p);
 }
@@ -162,6 +161,7 @@ static void say_what_was_found(const program *p) {
   printf("fcu        %s; %s", p->settings.fcu, pace[p->pace]);
   if (strncmp(p->settings.fcu, "trace:", 6) == 0) printf(", %.3f s long", (double)gv_trace_length_ns(&p->driver) * 1e-9);
   putchar('\n');
+  if (*p->settings.tracker) printf("tracker    %s\n", p->settings.tracker);
   printf("lcm        %s\n", p->settings.lcm);
   printf("memory     %.1f MB for scene and engine\n", (double)p->arena.used / 1e6);
   printf("all sound\n");
