@@ -82,7 +82,8 @@ static const setting *find_setting(const char *name) {
 int gv_sim_device_set(gv_sim_device *device, const char *name, const char *value, char *err, size_t err_size) {
   const setting *row = find_setting(name);
   if (!row) {
-    snprintf(err, err_size, "no device setting \"%.40s\"; the settings are the members of gv_sim_device (e.g. glove_hz_max)", name);
+    snprintf(err, err_size, "no device setting \"%.40s\"; the settings are the members of gv_sim_device (sim.h), "
+             "e.g. glove_hz_max", name);
     return -1;
   }
   char *end;

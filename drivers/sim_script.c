@@ -85,7 +85,8 @@ static int find_sensor(const char *name) {
 static int read_angle(parser *p, uint32_t *set, double angle_rad[GV_SENSORS]) {
   const char *word = next_word(p);
   int sensor = find_sensor(word);
-  if (sensor < 0) return fail(p, "\"%.40s\" is neither a sensor nor a keyword here; sensors are named like index_mpj (hand.h)", word);
+  if (sensor < 0)
+    return fail(p, "\"%.40s\" is neither a sensor nor a keyword here; sensors are named like index_mpj (hand.h)", word);
   double degrees;
   if (read_number(p, word, -180, 180, &degrees)) return -1;
   angle_rad[sensor] = degrees * (GV_PI / 180.0);
@@ -111,7 +112,8 @@ static int parse_posture(parser *p) {
   if (!name || strlen(name) >= GV_MAX_NAME) return fail(p, "give the posture a name of at most %d letters", GV_MAX_NAME - 1);
   posture *mine = find_posture(p, name);
   if (!mine) {
-    if (p->posture_count == GV_SIM_POSTURES) return fail(p, "more than GV_SIM_POSTURES (%d) postures; use fewer", GV_SIM_POSTURES);
+    if (p->posture_count == GV_SIM_POSTURES)
+      return fail(p, "more than GV_SIM_POSTURES (%d) postures; use fewer", GV_SIM_POSTURES);
     mine = &p->postures[p->posture_count];
     *mine = (posture){.set = 0};
     snprintf(mine->name, sizeof mine->name, "%s", name);
@@ -149,7 +151,8 @@ static int parse_keyframe(parser *p) {
   *key = n ? s->keyframe[n - 1] : (gv_sim_keyframe){.T_world_wrist = {{1, 0, 0, 0}, {0, 0, 0}}};
   if (read_number(p, "the time (s)", 0, 3600, &key->time_s)) return -1;
   if (n && key->time_s <= s->keyframe[n - 1].time_s)
-    return fail(p, "time %g is not after the keyframe before it (%g); put keyframes in order", key->time_s, s->keyframe[n - 1].time_s);
+    return fail(p, "time %g is not after the keyframe before it (%g); put keyframes in order", key->time_s,
+                s->keyframe[n - 1].time_s);
   bool posed = n > 0, placed = n > 0;
   while (p->at < p->words) {
     uint32_t set = 0;

@@ -13,6 +13,7 @@
 #include "gloved/sim.h"
 
 #include <errno.h>
+#include <inttypes.h>
 #include <sched.h>
 #include <signal.h>
 #include <stdio.h>
@@ -178,16 +179,15 @@ static void run(const options *o) {
 static bool limits_broken(const gv_sim_report *r) { return r->refused_frames || r->over_max || r->over_slew; }
 
 static void print_summary(const gv_sim_report *r, const gv_driver_stats *link) {
-  printf("fcusim: sent %llu frames (%llu lost and %llu late by script), %llu commands taken, %llu missing, %llu repeated; "
-         "refused: %llu broken, %llu above the maximum, %llu too fast; bad datagrams %llu\n",
-         (unsigned long long)r->sent, (unsigned long long)r->lost, (unsigned long long)r->late, (unsigned long long)r->commands,
-         (unsigned long long)r->counter_gaps, (unsigned long long)r->repeated, (unsigned long long)r->refused_frames,
-         (unsigned long long)r->over_max, (unsigned long long)r->over_slew, (unsigned long long)link->bad);
-  printf("fcusim: largest tensions %.2f %.2f %.2f %.2f %.2f N, fastest rise %.0f N/s, joints held back up to %.1f degrees; "
-         "watchdog let go %llu times, at most %.1f ms after the last command; host stalled for %llu periods\n",
-         r->tension_max_n[0], r->tension_max_n[1], r->tension_max_n[2], r->tension_max_n[3], r->tension_max_n[4],
-         r->slew_max_n_per_s, r->deviation_max_rad * (180.0 / GV_PI), (unsigned long long)r->watchdog_trips,
-         1e3 * r->zero_after_s, (unsigned long long)all.stalls);
+  const double *t = r->tension_max_n;
+  printf("fcusim: sent %" PRIu64 " frames (%" PRIu64 " lost and %" PRIu64 " late by script), %" PRIu64 " commands taken, %"
+         PRIu64 " missing, %" PRIu64 " repeated; ", r->sent, r->lost, r->late, r->commands, r->counter_gaps, r->repeated);
+  printf("refused: %" PRIu64 " broken, %" PRIu64 " above the maximum, %" PRIu64 " too fast; bad datagrams %" PRIu64 "\n",
+         r->refused_frames, r->over_max, r->over_slew, link->bad);
+  printf("fcusim: largest tensions %.2f %.2f %.2f %.2f %.2f N, fastest rise %.0f N/s, joints held back up to %.1f degrees; ",
+         t[0], t[1], t[2], t[3], t[4], r->slew_max_n_per_s, r->deviation_max_rad * (180.0 / GV_PI));
+  printf("watchdog let go %" PRIu64 " times, at most %.1f ms after the last command; host stalled for %" PRIu64 " periods\n",
+         r->watchdog_trips, 1e3 * r->zero_after_s, all.stalls);
 }
 
 static int write_report(const char *path, const gv_sim_report *r, const gv_driver_stats *link) {
@@ -196,17 +196,16 @@ static int write_report(const char *path, const gv_sim_report *r, const gv_drive
     fprintf(stderr, "fcusim: %s: %s; give a file that can be written\n", path, strerror(errno));
     return 2;
   }
-  fprintf(file, "{\"sent\": %llu, \"lost\": %llu, \"late\": %llu, \"commands\": %llu, \"counter_gaps\": %llu, \"repeated\": %llu,\n",
-          (unsigned long long)r->sent, (unsigned long long)r->lost, (unsigned long long)r->late, (unsigned long long)r->commands,
-          (unsigned long long)r->counter_gaps, (unsigned long long)r->repeated);
-  fprintf(file, " \"refused_frames\": %llu, \"over_max\": %llu, \"over_slew\": %llu, \"foreign\": %llu, \"bad_datagrams\": %llu,\n",
-          (unsigned long long)r->refused_frames, (unsigned long long)r->over_max, (unsigned long long)r->over_slew,
-          (unsigned long long)r->foreign, (unsigned long long)link->bad);
-  fprintf(file, " \"tension_max_n\": [%.4f, %.4f, %.4f, %.4f, %.4f], \"slew_max_n_per_s\": %.2f, \"deviation_max_rad\": %.6f,\n",
-          r->tension_max_n[0], r->tension_max_n[1], r->tension_max_n[2], r->tension_max_n[3], r->tension_max_n[4],
-          r->slew_max_n_per_s, r->deviation_max_rad);
-  fprintf(file, " \"watchdog_trips\": %llu, \"zero_after_s\": %.4f, \"stalled_periods\": %llu}\n",
-          (unsigned long long)r->watchdog_trips, r->zero_after_s, (unsigned long long)all.stalls);
+  const double *t = r->tension_max_n;
+  const struct { const char *name; uint64_t value; } count[] = {
+    {"sent", r->sent}, {"lost", r->lost}, {"late", r->late}, {"commands", r->commands}, {"counter_gaps", r->counter_gaps},
+    {"repeated", r->repeated}, {"refused_frames", r->refused_frames}, {"over_max", r->over_max}, {"over_slew", r->over_slew},
+    {"foreign", r->foreign}, {"bad_datagrams", link->bad}, {"watchdog_trips", r->watchdog_trips}, {"stalled_periods", all.stalls}};
+  fprintf(file, "{\n");
+  for (size_t i = 0; i < sizeof count / sizeof count[0]; i++) fprintf(file, "  \"%s\": %" PRIu64 ",\n", count[i].name, count[i].value);
+  fprintf(file, "  \"tension_max_n\": [%.4f, %.4f, %.4f, %.4f, %.4f],\n", t[0], t[1], t[2], t[3], t[4]);
+  fprintf(file, "  \"slew_max_n_per_s\": %.2f,\n  \"deviation_max_rad\": %.6f,\n  \"zero_after_s\": %.4f\n}\n",
+          r->slew_max_n_per_s, r->deviation_max_rad, r->zero_after_s);
   return fclose(file) == 0 ? 0 : 2;
 }
 
