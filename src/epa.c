@@ -14,7 +14,7 @@
 // Faces whose offsets differ by less are looked at for the point under the origin.
 static const double same_side = 1e-9;  // metres
 
-enum { SEEDS = 7, SWEEP_FACES = 256, SWEEP_EDGES = 64 };
+enum { SEEDS = 7, SWEEP_FACES = 40, SWEEP_EDGES = 12 };  // a sweep asks at most 2 * 40 + 2 * 12 * 12 directions
 
 typedef struct search {
   const gv_cso *cso;
@@ -23,6 +23,7 @@ typedef struct search {
   gv_polytope_face face[GV_EPA_MAX_FACES];
   gv_polytope_edge edge[GV_EPA_MAX_FACES + 2];
   uint16_t seen[GV_EPA_MAX_FACES + 2], link[GV_EPA_MAX_VERTICES];
+  uint16_t vertex_a[GV_EPA_MAX_VERTICES], vertex_b[GV_EPA_MAX_VERTICES];  // of the hulls, below each w
   int count;              // of w
   double size;            // largest |w| of the seeds, metres
   double best;            // least h so far
@@ -33,7 +34,16 @@ static double ask(search *s, gv_vec3 n) {
   gv_cso_point p = gv_cso_support(s->cso, n);
   s->w[s->count] = p.w;
   s->on_a[s->count] = p.a;
+  s->vertex_a[s->count] = s->cso->cache->vertex_a;
+  s->vertex_b[s->count] = s->cso->cache->vertex_b;
   return gv_dot(p.w, n);
+}
+
+// Beyond a face: the climb along the hulls starts at one of its corners.
+static double ask_beyond(search *s, const gv_polytope_face *F) {
+  s->cso->cache->vertex_a = s->vertex_a[F->vertex[0]];
+  s->cso->cache->vertex_b = s->vertex_b[F->vertex[0]];
+  return ask(s, F->normal);
 }
 
 static void keep_point(search *s) {
@@ -95,7 +105,7 @@ static double expand(search *s, int *out_iterations) {
     int f = find_nearest_face(P);
     lower = P->face[f].offset;
     if (lower >= s->best - tolerance) break;
-    double h = ask(s, P->face[f].normal);
+    double h = ask_beyond(s, &P->face[f]);
     if (h < s->best) s->best = h, s->best_normal = P->face[f].normal;
     if (h - lower <= tolerance) break;
     s->count++;
@@ -162,7 +172,7 @@ static void try_direction(sweep *s, gv_vec3 d) {
 
 static gv_vec3 turn(const gv_core *core, gv_vec3 v) { return core->in_place ? v : gv_mat3_mul(&core->R, v); }
 
-// Directions of the core's edges, at most `max`.
+// Directions of the core's edges; none where it has more than `max`.
 static int list_edges(const gv_core *core, int max, gv_vec3 *out_edge) {
   int count = 0;
   if (core->kind != GV_CORE_HULL) {
@@ -171,6 +181,7 @@ static int list_edges(const gv_core *core, int max, gv_vec3 *out_edge) {
     return count;
   }
   const gv_hull *hull = core->hull;
+  if (hull->neighbor_start[hull->vertex_count] > 2 * max) return 0;  // too many for any of them to matter
   for (int v = 0; v < hull->vertex_count; v++)
     for (int k = hull->neighbor_start[v]; k < hull->neighbor_start[v + 1] && count < max; k++)
       if (hull->neighbor[k] > v) out_edge[count++] = turn(core, gv_sub(hull->vertex[hull->neighbor[k]], hull->vertex[v]));
@@ -199,7 +210,6 @@ void gv_epa_sweep_faces(const gv_cso *cso, gv_vec3 guess, gv_epa_result *out) {
   try_faces(&s, &cso->b, 1);
   try_faces(&s, &cso->a, -1);
   int na = list_edges(&cso->a, SWEEP_EDGES, edge_a), nb = list_edges(&cso->b, SWEEP_EDGES, edge_b);
-  if (na * nb > 4 * SWEEP_EDGES) nb = 4 * SWEEP_EDGES / na;
   for (int i = 0; i < na; i++) {
     for (int k = 0; k < nb; k++) {
       gv_vec3 n = gv_cross(gv_normalize_or(edge_a[i], gv_v3(0, 0, 0)), gv_normalize_or(edge_b[k], gv_v3(0, 0, 0)));

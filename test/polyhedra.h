@@ -23,14 +23,19 @@ typedef struct oracle { double distance; gv_vec3 normal; double second; } oracle
 
 static unsigned long long polyhedra_seed = 88172645463325252ULL;
 static inline double draw(double lo, double hi) { return check_uniform(&polyhedra_seed, lo, hi); }
+static inline gv_vec3 draw_vector(double reach) {  // in order, so that every compiler draws the same poses
+  double x = draw(-reach, reach), y = draw(-reach, reach), z = draw(-reach, reach);
+  return gv_v3(x, y, z);
+}
 static inline gv_vec3 draw_unit(void) {
   for (;;) {
-    gv_vec3 v = gv_v3(draw(-1, 1), draw(-1, 1), draw(-1, 1));
+    gv_vec3 v = draw_vector(1);
     if (gv_norm(v) > 0.1 && gv_norm(v) <= 1) return gv_scale(v, 1 / gv_norm(v));
   }
 }
 static inline gv_quat draw_rotation(void) {
-  return gv_quat_normalize((gv_quat){draw(-1, 1), draw(-1, 1), draw(-1, 1), draw(-1, 1)});
+  gv_vec3 v = draw_vector(1);
+  return gv_quat_normalize((gv_quat){draw(-1, 1), v.x, v.y, v.z});
 }
 
 static inline void solid_from_box(gv_vec3 h, solid *s) {

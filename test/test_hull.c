@@ -54,7 +54,7 @@ static int put_box(gv_vec3 half, gv_pose T) {
 
 static void test_box_has_six_quads(void) {
   for (int round = 0; round < 200; round++) {
-    gv_pose T = {round ? draw_rotation() : gv_quat_identity(), {draw(-1, 1), draw(-1, 1), draw(-1, 1)}};
+    gv_pose T = {round ? draw_rotation() : gv_quat_identity(), draw_vector(1)};
     gv_hull h;
     int count = put_box(gv_v3(draw(0.001, 0.5), draw(0.001, 0.5), draw(0.001, 0.5)), T);
     CHECK(build(count, &h) == 0, "box builds");
@@ -231,7 +231,7 @@ static void test_bounds(void) {
   CHECK(build(60, &h) == 0, "builds");
   const gv_shape shape[3] = {gv_shape_capsule(0.02, 0.008), gv_shape_rounded_box(gv_v3(0.04, 0.03, 0.01), 0.005), gv_shape_hull(&h)};
   for (int k = 0; k < 300; k++) {
-    gv_pose T = {draw_rotation(), {draw(-1, 1), draw(-1, 1), draw(-1, 1)}};
+    gv_pose T = {draw_rotation(), draw_vector(1)};
     gv_vec3 low, high;
     gv_shape_aabb(&shape[k % 3], &T, &low, &high);
     for (int axis = 0; axis < 3; axis++) {

@@ -46,7 +46,7 @@ static gv_quat turn(double x, double y, double z, double angle) { return gv_quat
 // A box flat on the table at any depth or gap, turned about the vertical, in any world frame: its four corners.
 static void test_box_on_a_table(void) {
   for (int i = 0; i < 2000; i++) {
-    gv_pose B = {i % 2 ? draw_rotation() : gv_quat_identity(), {draw(-1, 1), draw(-1, 1), draw(-1, 1)}};
+    gv_pose B = {i % 2 ? draw_rotation() : gv_quat_identity(), draw_vector(1)};
     double depth = i % 7 == 0 ? 0 : draw(-1, 1) * pow(10, draw(-9, -3)), yaw = i % 3 ? draw(-4, 4) : 0;
     gv_pose T = {turn(0, 0, 1, yaw), {draw(-0.4, 0.4), draw(-0.4, 0.4), 0.09 - depth}};
     contacts c = touch(gv_shape_hull(&box), gv_pose_mul(B, T), gv_shape_hull(&table), B, NULL);
