@@ -57,7 +57,7 @@ build/.browser-packages: build/.run-packages
 
 ## test: build and run every test
 test: build/.test-packages build/venv/.done
-	$(Q)$(MAKE) --no-print-directory all
+	$(Q)$(MAKE) --no-print-directory -j$$(nproc) all
 	$(Q)B=$(B) test/run
 
 ## all: build the daemon, the tools and the tests

@@ -79,6 +79,7 @@ static void add_contact(gv_engine *e, const pair *p, const gv_contact_point *k, 
   if (i < 0) return;
   e->contact[i] = (gv_contact){
     .limb = p->body_a < GV_LIMBS ? p->body_a : -1 - (p->body_a - GV_LIMBS), .object = p->body_b - GV_LIMBS,
+    .piece = (int)(p->shape_b - e->piece_shape),
     .position_world = k->position_world, .normal_world = k->normal_world, .depth_m = k->depth, .face = k->face_b};
   e->solver_contact[i] = (gv_dynamics_contact){
     .body_a = p->body_a, .body_b = p->body_b, .position = k->position_world, .normal = k->normal_world,

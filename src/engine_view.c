@@ -36,6 +36,29 @@ void gv_engine_set_object(gv_engine *e, int object, gv_pose T_world_body, gv_vec
   gv_dynamics_set_state(e->dyn, GV_LIMBS + object, &(gv_limb_state){T_world_body, v, w});
 }
 
+// A limb has several contacts with one piece: only the first of a pair asks for its polygons.
+static bool is_first_of_pair(const gv_engine *e, int i) {
+  const gv_contact *c = &e->contact[i];
+  for (int k = 0; k < i; k++)
+    if (e->contact[k].limb == c->limb && e->contact[k].piece == c->piece) return false;
+  return true;
+}
+
+int gv_engine_polygons(const gv_engine *e, gv_polygon_contact out[], int max) {
+  enum { OF_PAIR = 32 };
+  gv_polygon_depth polygon[OF_PAIR];
+  int count = 0;
+  for (int i = 0; i < e->contact_count; i++) {
+    const gv_contact *c = &e->contact[i];
+    if (c->limb < 0 || !is_first_of_pair(e, i)) continue;
+    int found = gv_polygon_depths(&e->limb_shape[c->limb], &gv_dynamics_state(e->dyn, c->limb)->T, &e->piece_shape[c->piece],
+                                  &gv_dynamics_state(e->dyn, GV_LIMBS + c->object)->T, c->normal_world, 0.0, polygon, OF_PAIR);
+    for (int k = 0; k < found && count < max; k++)
+      out[count++] = (gv_polygon_contact){c->limb, c->object, c->piece, polygon[k].face, polygon[k].depth, polygon[k].position_world};
+  }
+  return count;
+}
+
 static uint64_t fnv1a(uint64_t hash, const void *data, size_t size) {
   const uint8_t *byte = data;
   for (size_t i = 0; i < size; i++) hash = (hash ^ byte[i]) * 1099511628211ULL;

@@ -10,7 +10,7 @@ say() { if [ "$1" = 0 ]; then echo "ok $2"; else echo "FAIL $2"; fails=1; fi; }
 
 for build in gcc-O0 clang-O2 clang-O0; do
   log=$B/test/log/build-$build
-  make CI=1 CC="${build%-*}" OPT="-${build#*-}" B="build/$build" "build/$build/gloved" "build/$build/test/test_replay" >"$log" 2>&1
+  make -j"$(nproc)" CI=1 CC="${build%-*}" OPT="-${build#*-}" B="build/$build" "build/$build/gloved" "build/$build/test/test_replay" >"$log" 2>&1
   code=$?; [ $code = 0 ] || tail -n 5 "$log"
   say $code "builds_without_warnings_$build"
   [ $code = 0 ] || continue

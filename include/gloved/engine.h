@@ -78,12 +78,19 @@ typedef enum gv_event {          // bits of gv_step_result.events
 
 typedef struct gv_contact {
   int limb;                    // 0..15, or -1 - object index of body A
-  int object;                  // object index of body B
+  int object, piece;           // object index of body B, and its piece (gv_scene.piece)
   gv_vec3 position_world, normal_world; // normal from B to A
   double depth_m;              // negative: gap
   gv_vec3 force_world;         // on A, newtons, of this step
   uint16_t face;               // polygon of B, 0xffff none
 } gv_contact;
+
+// One polygon that a limb touches (the paper's "penetration depth of every single polygon").
+typedef struct gv_polygon_contact {
+  int limb, object, piece, face;
+  double depth_m;              // along the polygon's own normal, positive
+  gv_vec3 position_world;      // on the polygon
+} gv_polygon_contact;
 
 // Counters since init; they never go back.
 typedef struct gv_counters {
@@ -119,6 +126,9 @@ void gv_engine_reset(gv_engine *engine);
 // Views, valid until the next step.
 const gv_counters *gv_engine_counters(const gv_engine *engine);
 const gv_contact *gv_engine_contacts(const gv_engine *engine, int *out_count);
+// Every polygon that a limb touches at the end of the last step, at most `max`. Returns the count. Cost: about
+// 1 us for each limb in contact, plus 10 ns a polygon of the pieces it touches.
+int gv_engine_polygons(const gv_engine *engine, gv_polygon_contact out[], int max);
 bool gv_engine_hand_placed(const gv_engine *engine);
 gv_pose gv_engine_limb_pose(const gv_engine *engine, int limb);        // T_world_limb, simulated
 gv_pose gv_engine_driver_pose(const gv_engine *engine, int limb);      // T_world_limb, skeleton

@@ -18,6 +18,7 @@ enum {
   GV_MAX_MESH_TRIANGLES = 131072, // visual triangles of a scene (published, never collided with)
   GV_MAX_CONTACTS = 128,      // in one step; 1 costs 3 solver rows: 128 cost QuickStep 0.4 ms, Dantzig 7 ms
   GV_MAX_PAIR_CONTACTS = 8,   // of one pair of convex pieces, after reduction
+  GV_MAX_POLYGONS = 128,      // touched polygons in a snapshot; 1 costs 48 B
   GV_MAX_PAIRS = 1024,        // pairs that the broad phase may pass on in one step
   GV_MAX_MATERIALS = 32,      // named in a scene, the hand's among them
   GV_MAX_FRICTION_PAIRS = 64, // of a scene; looked through for each pair of bodies in contact

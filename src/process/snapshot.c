@@ -22,6 +22,7 @@ static void fill_scene(const gv_engine *engine, int object_count, gv_snapshot *o
   }
   const gv_contact *contact = gv_engine_contacts(engine, &out->contact_count);
   memcpy(out->contact, contact, (size_t)out->contact_count * sizeof *contact);
+  out->polygon_count = gv_engine_polygons(engine, out->polygon, GV_MAX_POLYGONS);
 }
 
 static void fill_devices(const gv_session *session, gv_snapshot *out) {

@@ -16,7 +16,7 @@ typedef struct gv_snapshot_object {
   gv_vec3 velocity_m_s, spin_rad_s;
 } gv_snapshot_object;
 
-// About 23 kB full; only the used part of object[] and contact[] is written.
+// About 29 kB full; only the used part of object[], contact[] and polygon[] is written.
 typedef struct gv_snapshot {
   int64_t step;                 // engine steps so far
   double time_s;                // step number x period
@@ -37,9 +37,10 @@ typedef struct gv_snapshot {
   gv_frame_counters frames;
   uint64_t missed_deadlines, overruns, ring_dropped, heap_calls;
   gv_snapshot_limb limb[GV_LIMBS];
-  int object_count, contact_count;
+  int object_count, contact_count, polygon_count;
   gv_snapshot_object object[GV_MAX_OBJECTS];
   gv_contact contact[GV_MAX_CONTACTS];
+  gv_polygon_contact polygon[GV_MAX_POLYGONS];
 } gv_snapshot;
 
 typedef enum gv_record_kind {

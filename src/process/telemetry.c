@@ -19,9 +19,9 @@
 #include "gloved_viewer_draw_t.h"
 #include "gloved_viewer_load_t.h"
 
-// LCM's fragments get lost above 65 kB. The largest state: 16 limbs, 64 objects, 128 contacts.
+// LCM's fragments get lost above 65 kB. The largest state: 16 limbs, 64 objects, 128 contacts, 128 polygons.
 enum { MESSAGE_MAX = 64000, DRAW_US = 50000, LOAD_US = 1000000 };
-_Static_assert(1200 + GV_LIMBS * 160 + GV_MAX_OBJECTS * (4 + GV_MAX_NAME + 1 + 104) + GV_MAX_CONTACTS * 92 < MESSAGE_MAX,
+_Static_assert(1200 + GV_LIMBS * 160 + GV_MAX_OBJECTS * (4 + GV_MAX_NAME + 1 + 104) + GV_MAX_CONTACTS * 92 + GV_MAX_POLYGONS * 48 < MESSAGE_MAX,
                "GLOVED_STATE does not fit its buffer");
 _Static_assert(GV_DRAKE_LINKS * 56 + GV_DRAKE_LINKS * 16 + 4 * GV_DRAKE_NUMBERS < MESSAGE_MAX,
                "DRAKE_VIEWER_LOAD_ROBOT does not fit its buffer");
@@ -47,6 +47,7 @@ struct gv_telemetry {
   gloved_state_t state;
   gloved_object_t object[GV_MAX_OBJECTS];
   gloved_contact_t contact[GV_MAX_CONTACTS];
+  gloved_polygon_t polygon[GV_MAX_POLYGONS];
   viewer viewer;
   uint8_t message[MESSAGE_MAX];
 };
@@ -157,6 +158,17 @@ static void put_contacts(gv_telemetry *telemetry, const gv_snapshot *snapshot) {
   }
 }
 
+static void put_polygons(gv_telemetry *telemetry, const gv_snapshot *snapshot) {
+  telemetry->state.num_polygons = snapshot->polygon_count;
+  for (int i = 0; i < snapshot->polygon_count; i++) {
+    const gv_polygon_contact *polygon = &snapshot->polygon[i];
+    gloved_polygon_t *out = &telemetry->polygon[i];
+    *out = (gloved_polygon_t){.limb = polygon->limb, .object = polygon->object, .piece = polygon->piece, .face = polygon->face,
+                              .depth_m = polygon->depth_m};
+    put_vec3(polygon->position_world, out->position_m);
+  }
+}
+
 // ---- the viewer's picture -------------------------------------------------------------------------------
 
 static void put_quat(gv_quat q, float out[4]) {
@@ -234,6 +246,7 @@ void gv_telemetry_snapshot(gv_telemetry *telemetry, const gv_loop *loop, const g
   put_engine(snapshot, state);
   put_objects(telemetry, snapshot);
   put_contacts(telemetry, snapshot);
+  put_polygons(telemetry, snapshot);
   send_message(telemetry, "GLOVED_STATE", state->utime, gloved_state_t_encode(telemetry->message, 0, MESSAGE_MAX, state));
   send_picture(telemetry, snapshot);
 }
@@ -251,6 +264,7 @@ static void point_into(gv_telemetry *telemetry) {
   static char names[GV_MAX_OBJECTS][GV_MAX_NAME];
   telemetry->state.object = telemetry->object;
   telemetry->state.contact = telemetry->contact;
+  telemetry->state.polygon = telemetry->polygon;
   for (int i = 0; i < telemetry->scene->object_count; i++) {
     memcpy(names[i], telemetry->scene->object[i].name, GV_MAX_NAME);
     telemetry->object[i].name = names[i];
