@@ -2,7 +2,7 @@
 // Convex hulls and their mass properties. A polytope grows point by point (polytope.c); then triangles
 // that lie in one plane become one polygon, and corners that no longer turn are left out, so that a box
 // has six faces and a manifold finds the whole side that another shape rests on.
-// Set-up only: about 330 kB of stack, 10 ms for 1000 points. Volume integrals: signed tetrahedra from a
+// Set-up only: about 240 kB of stack, 12 ms for 1000 points. Volume integrals: signed tetrahedra from a
 // point inside to the triangles of each face.
 #include "gloved/shape.h"
 
