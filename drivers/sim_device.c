@@ -44,6 +44,7 @@ static const setting table[] = {
   SETTING(loss_chance, 0, 1, 0, 0.005),
   SETTING(max_n, 0, 12.285, 12, 12),
   SETTING(slew_n_per_s, 1, 1e5, 400, 400),
+  SETTING(wire_count_n, 0.001, 0.1, 0.003, 0.003),
   SETTING(command_hz, 50, 10000, 1000, 1000),
   SETTING(watchdog_s, 0.001, 0.005, 0.004, 0.004),
   SETTING(stiffness_0, 0.01, 100, 1.5, 1.5),

@@ -26,12 +26,12 @@ static bool rises_too_fast(gv_sim *sim, const double tension_n[GV_FINGERS], int 
   double dt_s = fmax(steps / sim->device.command_hz, elapsed_s);
   double rise_n = largest_rise(sim->command_n, tension_n);
   sim->report.slew_max_n_per_s = fmax(sim->report.slew_max_n_per_s, rise_n / dt_s);
-  return rise_n > sim->device.slew_n_per_s * dt_s + 1.5 * GV_TENSION_LSB_N;
+  return rise_n > sim->device.slew_n_per_s * dt_s + 1.5 * sim->device.wire_count_n;
 }
 
 static bool above_max(const gv_sim *sim, const double tension_n[GV_FINGERS]) {
   for (int i = 0; i < GV_FINGERS; i++)
-    if (!(tension_n[i] <= sim->device.max_n + 0.5 * GV_TENSION_LSB_N)) return true;  // not-a-number too
+    if (!(tension_n[i] <= sim->device.max_n + 0.5 * sim->device.wire_count_n)) return true;  // not-a-number too
   return false;
 }
 
@@ -85,7 +85,7 @@ static void check_watchdog(gv_sim *sim) {
 // Up no faster than the slew limit (after the watchdog or the switch let go), down at once.
 static void pull_tendons(gv_sim *sim) {
   bool on = !sim->watchdog && sim->intent.dead_man && (sim->command_flags & GV_COMMAND_ENABLE);
-  double rise_n = sim->device.slew_n_per_s * 1e-9 * SIM_STEP_NS + 1.5 * GV_TENSION_LSB_N;
+  double rise_n = sim->device.slew_n_per_s * 1e-9 * SIM_STEP_NS + 1.5 * sim->device.wire_count_n;
   for (int i = 0; i < GV_FINGERS; i++)
     sim->tension_n[i] = on ? fmin(sim->command_n[i], sim->tension_n[i] + rise_n) : 0.0;
 }

@@ -10,6 +10,8 @@
 typedef struct trace {
   gv_frame *frame;     // stamps from 0, never decreasing
   size_t count, next, capacity;
+  int64_t end_ns;      // stamp of the log's last line
+  bool past_end;
   gv_driver_stats stats;
 } trace;
 
@@ -17,6 +19,7 @@ static int poll_trace(void *self, int64_t now_ns, gv_frame *out, int max) {
   trace *t = self;
   int n = 0;
   while (n < max && t->next < t->count && t->frame[t->next].stamp_ns <= now_ns) out[n++] = t->frame[t->next++];
+  t->past_end = now_ns >= t->end_ns;
   t->stats.rx += (uint64_t)n;
   return n;
 }
@@ -29,7 +32,7 @@ static int send_trace(void *self, const gv_frame *frame, int count) {
 
 static bool trace_ended(void *self) {
   const trace *t = self;
-  return t->next == t->count;
+  return t->past_end && t->next == t->count;
 }
 
 static gv_driver_stats trace_stats(void *self) { return ((trace *)self)->stats; }
@@ -56,13 +59,19 @@ static bool is_id(const gv_frame *frame, uint32_t id) {
   return frame->id == id && !(frame->flags & (GV_FRAME_EXTENDED | GV_FRAME_ERROR));
 }
 
-// All frames of the log but our own commands, stamps from 0.
+// All frames of the log but our own commands, classic ones joined. Stamps count from the log's first line, and
+// its last one is the end: the engine's steps before the first frame and after the last belong to a recording.
 static int load_frames(trace *t, gv_log *log, char *err, size_t err_size) {
-  gv_frame frame;
+  gv_frame line, frame;
+  gv_classic_join join = {0};
   size_t gloves = 0;
+  int64_t start_ns = -1;
   int got;
-  while ((got = gv_log_next(log, &frame, err, err_size)) > 0) {
-    if (is_id(&frame, GV_ID_FORCE_COMMAND)) continue;
+  while ((got = gv_log_next(log, &line, err, err_size)) > 0) {
+    if (start_ns < 0) start_ns = line.stamp_ns;
+    t->end_ns = line.stamp_ns - start_ns;
+    if (!gv_classic_take(&join, &line, &frame) || is_id(&frame, GV_ID_FORCE_COMMAND)) continue;
+    frame.stamp_ns -= start_ns;
     gloves += is_id(&frame, GV_ID_GLOVE);
     if (append_frame(t, &frame) == 0) continue;
     snprintf(err, err_size, "%s:%llu: out of memory; record a shorter trace", log->path, (unsigned long long)log->line);
@@ -75,8 +84,6 @@ static int load_frames(trace *t, gv_log *log, char *err, size_t err_size) {
              log->path, (unsigned long long)log->line, GV_ID_GLOVE);
     return -1;
   }
-  int64_t start_ns = t->frame[0].stamp_ns;
-  for (size_t i = 0; i < t->count; i++) t->frame[i].stamp_ns -= start_ns;
   t->stats.bad = log->truncated;
   return 0;
 }
@@ -98,6 +105,5 @@ int gv_trace_open(const char *path, gv_driver *out, char *err, size_t err_size) 
 }
 
 int64_t gv_trace_length_ns(const gv_driver *driver) {
-  const trace *t = driver->self;
-  return t->frame[t->count - 1].stamp_ns;
+  return ((const trace *)driver->self)->end_ns;
 }

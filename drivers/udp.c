@@ -10,10 +10,10 @@
 #include <stdlib.h>
 #include <string.h>
 #include <sys/socket.h>
-#include <time.h>
 #include <unistd.h>
 
 #include "gloved/drivers.h"
+#include "stamp.h"
 
 enum {
   BATCH = 16,             // datagrams in one system call
@@ -52,12 +52,6 @@ typedef struct udp {
   uint8_t out[GV_CANNELLONI_MAX_BYTES];
 } udp;
 
-static int64_t clock_ns(clockid_t clock) {
-  struct timespec t;
-  clock_gettime(clock, &t);
-  return (int64_t)t.tv_sec * 1000000000 + t.tv_nsec;
-}
-
 static bool same_address(const address *a, const address *b) {
   if (a->any.sa_family != b->any.sa_family) return false;
   if (a->any.sa_family == AF_INET)
@@ -77,20 +71,6 @@ static int read_batch(udp *u) {
   u->batch_next = 0;
   u->batch_count = n > 0 ? n : 0;
   return u->batch_count;
-}
-
-// When the kernel received datagram i, on CLOCK_MONOTONIC: not after now_ns, not before its predecessor.
-static int64_t datagram_stamp(udp *u, int i, int64_t now_ns) {
-  struct msghdr *h = &u->message[i].msg_hdr;
-  int64_t mono = clock_ns(CLOCK_MONOTONIC), stamp = mono;
-  for (struct cmsghdr *c = CMSG_FIRSTHDR(h); c; c = CMSG_NXTHDR(h, c)) {
-    if (c->cmsg_level != SOL_SOCKET || c->cmsg_type != SCM_TIMESTAMPNS) continue;
-    struct timespec t;
-    memcpy(&t, CMSG_DATA(c), sizeof t);
-    stamp = (int64_t)t.tv_sec * 1000000000 + t.tv_nsec + (mono - clock_ns(CLOCK_REALTIME));
-  }
-  if (stamp < u->last_ns) stamp = u->last_ns;
-  return stamp > now_ns ? now_ns : stamp;
 }
 
 static void count_lost(udp *u, uint8_t seq, int64_t stamp_ns) {
@@ -118,7 +98,7 @@ static void take_datagram(udp *u, int64_t now_ns) {
     u->stats.bad++;
     return;
   }
-  int64_t stamp = datagram_stamp(u, i, now_ns);
+  int64_t stamp = gv_receive_stamp(&u->message[i].msg_hdr, u->last_ns, now_ns);
   count_lost(u, seq, stamp);
   for (int k = 0; k < count; k++) u->pending[k].stamp_ns = stamp;
   u->pending_next = 0;

@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // The frame codec as a filter, for test_fcu.py. One answer per line of input:
 //   glove|pose|status|command FIELDS   the frame as a candump line (fields in the order of the struct in fcu.h)
+//   classic KIND FIELDS                its frames on classic CAN, "111#...", in one line
 //   (0.0) can0 110##1...               "glove FIELDS", or "refused: why"
+//   join                               from here on classic frames are joined: "-" until the message is whole
 //   sensors, fingers                   the names in their order
 #include <stdio.h>
 #include <stdlib.h>
@@ -26,8 +28,21 @@ static void pack(const char *kind, const double *v, gv_frame *out) {
   else gv_fcu_pack_command(&c, out);
 }
 
+static void print_classic(const gv_frame *f) {
+  gv_frame part[GV_CLASSIC_FRAMES];
+  const int count = gv_classic_split(f, part);
+  for (int i = 0; i < count; i++) {
+    printf("%03X#", part[i].id);
+    for (int k = 0; k < part[i].len; k++) printf("%02x", part[i].data[k]);
+    printf(" ");
+  }
+  printf("\n");
+}
+
 static void encode(const char *line) {
   char kind[16], text[GV_LOG_LINE_MAX + 1];
+  const bool classic = strncmp(line, "classic ", 8) == 0;
+  if (classic) line += 8;
   double v[FIELDS_MAX] = {0};
   int at = 0;
   if (sscanf(line, "%15s%n", kind, &at) != 1) return;
@@ -38,6 +53,10 @@ static void encode(const char *line) {
   }
   gv_frame f = {0};
   pack(kind, v, &f);
+  if (classic) {
+    print_classic(&f);
+    return;
+  }
   gv_log_format(&f, "can0", text);
   fputs(text, stdout);
 }
@@ -71,20 +90,27 @@ static gv_fcu_error print_message(const gv_frame *f) {
   return error;
 }
 
-static void decode(const char *line) {
-  gv_frame f;
+static void decode(const char *line, gv_classic_join *join) {
+  gv_frame f, whole;
   char err[120];
   gv_fcu_error error = GV_FCU_OK;
   if (gv_log_parse(line, &f, err, sizeof err)) printf("refused: %s\n", err);
-  else if ((error = print_message(&f)) != GV_FCU_OK) printf("refused: %s\n", gv_fcu_error_text(error));
+  else if (join && !gv_classic_take(join, &f, &whole)) printf("-\n");
+  else if ((error = print_message(join ? &whole : &f)) != GV_FCU_OK) printf("refused: %s\n", gv_fcu_error_text(error));
   else printf("\n");
 }
 
 int main(void) {
   char line[1000];
+  static gv_classic_join join;
+  bool joining = false;
   while (fgets(line, sizeof line, stdin)) {
     line[strcspn(line, "\n")] = 0;
-    if (line[0] == '(') decode(line);
+    if (line[0] == '(') decode(line, joining ? &join : NULL);
+    else if (strcmp(line, "join") == 0) {
+      joining = true;
+      printf("join\n");
+    }
     else if (strcmp(line, "sensors") == 0 || strcmp(line, "fingers") == 0) {
       for (int i = 0; i < (line[0] == 's' ? GV_SENSORS : GV_FINGERS); i++)
         printf("%s ", line[0] == 's' ? gv_sensor_name(i) : gv_finger_name(i));

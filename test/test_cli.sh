@@ -49,7 +49,8 @@ refused scene_missing "$tmp/no.scene" --scene "$tmp/no.scene"
 refused scene_directory "$tmp" --scene "$tmp"
 refused fcu_kind gopher: --fcu gopher:x
 refused fcu_empty --fcu --fcu ''
-refused fcu_can 'not built yet' --fcu can:can0
+refused fcu_can_name 'can:IFACE' --fcu can:
+refused fcu_can_absent 'can:nocan7' --fcu can:nocan7
 refused glove_alone 'add --tracker' --fcu 'serial:/dev/null?type=cyberglove'
 refused glove_no_tty 'give a serial device' --fcu 'serial:/dev/null?type=cyberglove' --tracker 'serial:/dev/null?type=fastrak'
 refused glove_no_type 'no type of device' --fcu 'serial:/dev/null' --tracker 'serial:/dev/null?type=fastrak'

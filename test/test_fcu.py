@@ -4,6 +4,7 @@ ways; the checksum against Python's own CRC; the log text against python-can's r
 import binascii
 import os
 import random
+import re
 import subprocess
 import sys
 import tempfile
@@ -95,7 +96,7 @@ def close(kind, a, b):
 
 
 def test_database_has_the_frames_of_the_header():
-    assert sorted(m.frame_id for m in DBC.messages) == sorted(m[0] for m in MESSAGES.values())
+    assert sorted(m.frame_id for m in DBC.messages if m.is_fd) == sorted(m[0] for m in MESSAGES.values())
     for kind, (frame_id, size, flags, names) in MESSAGES.items():
         message = DBC.get_message_by_frame_id(frame_id)
         assert message.length == size and message.is_fd and not message.is_extended_frame, kind
@@ -104,6 +105,12 @@ def test_database_has_the_frames_of_the_header():
     text = open("include/gloved/fcu.h", encoding="utf-8").read()
     for name in ("FORCE_COMMAND", "STATUS", "GLOVE", "POSE"):
         assert f"GV_ID_{name} = 0x{DBC.get_message_by_name(name).frame_id:03X}" in text, name
+    for message in (m for m in DBC.messages if not m.is_fd):
+        first = re.sub(r"_CLASSIC_[2-9]$", "_CLASSIC", message.name.replace("_CLASSIC_1", "_CLASSIC"))
+        first_id = int(re.search(rf"GV_ID_{first} = 0x([0-9A-F]+)", text)[1], 16)
+        number = int(message.name[-1]) if message.name[-1].isdigit() else 1
+        assert message.frame_id == first_id + number - 1 and message.length <= 8, message.name
+        assert message.comment and all(s.comment for s in message.signals), message.name
 
 
 def test_c_encodes_what_cantools_decodes():
@@ -158,6 +165,74 @@ def test_damaged_frames_are_refused():
         answers = pipe([line_of(frame_id, data[:short]), line_of(frame_id, data + bytes(64 - size)), f"(0.0) can0 {frame_id:03X}#{data[:8].hex()}",
                         f"(0.0) can0 {frame_id:08X}##1{data.hex()}", line_of(frame_id + 1, data)])
         assert ["length" in a for a in answers[:3]] == [True] * 3 and ["identifier" in a for a in answers[3:]] == [True] * 2, f"{kind}: {answers}"
+
+
+# ---- classic CAN: what cantools reads out of the small frames is what went into the large one ----
+
+def crc8(data):
+    """CRC-8 AUTOSAR, bit by bit by the definition: the remainder of the message as a polynomial."""
+    value = int.from_bytes(data, "big") << 8 ^ 0xFF << 8 * len(data)
+    for bit in range(8 * len(data) + 7, 7, -1):
+        if value >> bit & 1:
+            value ^= 0x12F << (bit - 8)
+    return value ^ 0xFF
+
+
+def classic_frames(kind, raw):
+    """Frames of the message by the C codec: identifier and bytes."""
+    line = pipe(["classic " + kind + " " + " ".join(repr(v) for v in fields_of(kind, raw))])[0]
+    frames = [word.split("#") for word in line.split() if "#" in word]
+    return [(int(frame_id, 16), bytes.fromhex(data)) for frame_id, data in frames]
+
+
+def test_classic_frames_carry_the_same_values():
+    for kind, count in (("glove", 6), ("pose", 8), ("status", 3)):
+        for _ in range(100):
+            raw, got = random_raw(kind), {}
+            frames = classic_frames(kind, raw)
+            assert len(frames) == count, kind
+            for frame_id, data in frames:
+                message = DBC.get_message_by_frame_id(frame_id)
+                assert len(data) == message.length, message.name
+                got.update(message.decode(data, decode_choices=False, scaling=False))
+            for name in ("Age", "Checksum"):
+                if name + "Low" in got:
+                    got[name] = got.pop(name + "Low") + 256 * got.pop(name + "High")
+            whole = data_of(pipe([kind + " " + " ".join(repr(v) for v in fields_of(kind, raw))])[0])
+            raw["Checksum"] = checksum(MESSAGES[kind][0], whole)
+            assert got == raw, f"{kind}:\n{got}\n{raw}"
+
+
+def test_classic_frames_join_to_the_same_frame():
+    for kind in ("glove", "pose", "status"):
+        for _ in range(50):
+            raw = random_raw(kind)
+            whole = pipe([kind + " " + " ".join(repr(v) for v in fields_of(kind, raw))])[0]
+            frames = classic_frames(kind, raw)
+            random.shuffle(frames)
+            lines = [f"(0.0) can0 {frame_id:03X}#{data.hex()}" for frame_id, data in frames]
+            answers = pipe(["join"] + lines)[1:]
+            assert all(a == "-" for a in answers[:-1]), answers
+            assert close(kind, [float(w) for w in answers[-1].split()[1:]], fields_of(kind, raw)), f"{whole}\n{answers[-1]}"
+
+
+def test_classic_command_is_one_frame():
+    message = DBC.get_message_by_name("FORCE_COMMAND_CLASSIC")
+    for number in range(300):
+        raw = random_raw("command")
+        (frame_id, data), = classic_frames("command", raw)
+        assert frame_id == message.frame_id and len(data) == 8
+        got = message.decode(data, scaling=False)
+        assert got["Counter"] == raw["Counter"] % 16 and got["Enable"] == raw["Enable"]
+        assert all(got[t] == raw[t] // 4 for t in TENSIONS), (got, raw)
+        assert got["Checksum"] == crc8(frame_id.to_bytes(2, "little") + data[:7])
+        words = pipe(["join", f"(0.0) can0 {frame_id:03X}#{data.hex()}"])[1].split()
+        assert words[0] == "command" and int(words[1]) % 16 == got["Counter"] and int(words[2]) == raw["Enable"]
+        assert all(abs(float(w) - 0.012 * got[t]) < 1e-9 for w, t in zip(words[5:], TENSIONS)), words
+        if number < 10:
+            damaged = [bytes(b ^ (1 << bit % 8 if i == bit // 8 else 0) for i, b in enumerate(data)) for bit in range(64)]
+            answers = pipe(["join"] + [f"(0.0) can0 {frame_id:03X}#{d.hex()}" for d in damaged])[1:]
+            assert all(a.startswith("refused") for a in answers), answers
 
 
 def test_quaternion_off_length_is_refused():

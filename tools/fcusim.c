@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// fcusim: the simulated force control unit on the other end of a UDP wire (cannelloni v2), in real time.
+// fcusim: the simulated force control unit on the other end of a UDP wire (cannelloni v2) or a CAN bus, in real time.
 //
-//   fcusim --udp udp://HOST:PORT?listen=PORT [--script FILE] [--device best|real|NAME=VALUE] [--seed N]
+//   fcusim --udp udp://HOST:PORT?listen=PORT|--can IFACE [--script FILE] [--device best|real|NAME=VALUE] [--seed N]
 //          [--wait S] [--duration S] [--record FILE] [--report FILE.json]
 //
 // It sends at once, the user holding still, and starts the script with the first FORCE_COMMAND or after
@@ -27,7 +27,7 @@ enum { RECORD_BYTES = 64 << 20 };
 static char record_buffer[RECORD_BYTES];
 
 typedef struct options {
-  const char *udp, *script, *record, *report;
+  const char *udp, *can, *script, *record, *report;
   double wait_s, duration_s; // duration 0: the script's
   uint64_t seed;             // 0: the script's
 } options;
@@ -45,7 +45,7 @@ static volatile sig_atomic_t interrupted;
 static void on_signal(int number) { (void)number; interrupted = 1; }
 
 static int usage(const char *what, const char *which) {
-  fprintf(stderr, "fcusim: %s%s; usage: fcusim --udp udp://HOST:PORT?listen=PORT [--script FILE] [--device best|real|NAME=VALUE] "
+  fprintf(stderr, "fcusim: %s%s; usage: fcusim --udp udp://HOST:PORT?listen=PORT|--can IFACE [--script FILE] [--device best|real|NAME=VALUE] "
           "[--seed N] [--wait S] [--duration S] [--record FILE] [--report FILE.json]\n", what, which);
   return 2;
 }
@@ -85,6 +85,7 @@ static int read_option(const char *name, const char *value, options *o) {
   double number = 0;
   int error = 0;
   if (strcmp(name, "--udp") == 0) o->udp = value;
+  else if (strcmp(name, "--can") == 0) o->can = value;
   else if (strcmp(name, "--script") == 0) o->script = value;
   else if (strcmp(name, "--record") == 0) o->record = value;
   else if (strcmp(name, "--report") == 0) o->report = value;
@@ -104,10 +105,19 @@ static int read_options(int argc, char **argv, options *o) {
   for (int i = 1; i < argc && !error; i += 2)
     error = i + 1 < argc ? read_option(argv[i], argv[i + 1], o) : usage("no value for ", argv[i]);
   if (error) return error;
-  if (!o->udp) return usage("--udp is missing", "");
+  if (!o->udp == !o->can) return usage("one of --udp and --can is needed", "");
   char why[128];
   if (gv_sim_device_check(&all.script.device, why, sizeof why)) return usage("--device: ", why);
   return 0;
+}
+
+static int open_link(const options *o) {
+  char url[64], err[512] = "";
+  snprintf(url, sizeof url, "can:%.50s", o->can ? o->can : "");
+  const int error = o->can ? gv_can_open(url, &all.link, err, sizeof err) : gv_udp_open(o->udp, &all.link, err, sizeof err);
+  if (err[0]) fprintf(stderr, "fcusim: %s\n", err);
+  if (!error && err[0]) all.script.device.wire_count_n = GV_CLASSIC_TENSION_LSB_N;  // a classic interface
+  return error;
 }
 
 static void record(const gv_frame *frame, int count) {
@@ -211,10 +221,9 @@ static int write_report(const char *path, const gv_sim_report *r, const gv_drive
 
 int main(int argc, char **argv) {
   options o;
-  char err[512];
   int error = read_options(argc, argv, &o);
   if (error) return error;
-  if (gv_udp_open(o.udp, &all.link, err, sizeof err)) { fprintf(stderr, "fcusim: %s\n", err); return 2; }
+  if (open_link(&o)) return 2;
   if (o.record && !(all.record = fopen(o.record, "w"))) {
     fprintf(stderr, "fcusim: %s: %s; give a file that can be written\n", o.record, strerror(errno));
     return 2;

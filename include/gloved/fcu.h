@@ -82,4 +82,36 @@ const char *gv_fcu_error_text(gv_fcu_error error);
 // CRC-16/CCITT-FALSE (poly 0x1021, start 0xffff, no reflection).
 uint16_t gv_crc16(uint16_t crc, const uint8_t *data, size_t len);
 
+// ---- classic CAN ----------------------------------------------------------------------------------
+// An interface without FD carries the same messages in frames of at most 8 bytes on identifiers of their
+// own (data/gloved.dbc). GLOVE, POSE and STATUS are cut into 6, 8 and 3 frames; byte 0 of each is the message's
+// counter, its fields and its checksum are spread over the rest, and what is joined again is the FD frame bit
+// by bit. FORCE_COMMAND is one frame, so that a force is never half old:
+//   bits 0-3 counter modulo 16 | 4 enable | 5 zero | 6-55 five tensions, 10 bits each in 0.012 N, rounded down |
+//   56-63 CRC-8 (polynomial 0x2f, start and final xor 0xff) over the identifier (2 bytes, low first) and bytes 0-6
+// Stamp and age of its sample do not travel. At 1 Mbit/s some 8 frames fit a millisecond: 1 kHz of commands (1),
+// gloves at 150 Hz (0.9), two receivers at 60 Hz (1) and status at 100 Hz (0.3) take less than half of it; gloves
+// and poses at 1 kHz need CAN FD.
+enum {
+  GV_ID_FORCE_COMMAND_CLASSIC = 0x091,
+  GV_ID_STATUS_CLASSIC = 0x0A1,  // and the 2 after it
+  GV_ID_GLOVE_CLASSIC = 0x111,   // and the 5 after it
+  GV_ID_POSE_CLASSIC = 0x121,    // and the 7 after it
+  GV_CLASSIC_FRAMES = 8          // of one message at most
+};
+#define GV_CLASSIC_TENSION_LSB_N 0.012
+
+// The classic frames of one FD message; returns their count, 0 where the frame is none of the four.
+int gv_classic_split(const gv_frame *fd, gv_frame out[GV_CLASSIC_FRAMES]);
+
+// Joins what arrives. Zeroed at the start. A message that lacks a frame when the next one begins is dropped
+// (its counter shows it as lost); the order of its frames does not matter.
+typedef struct gv_classic_join {
+  struct { gv_frame frame; unsigned missing; } part[3]; // GLOVE, POSE, STATUS; missing: bit per frame
+  uint8_t command_counter;       // of the last command, modulo 256
+} gv_classic_join;
+// 1: `out` is a whole message, stamped as its last frame, or the frame itself where it is no classic part.
+// 0: more frames are awaited. A damaged command comes out as it is, to be refused by its identifier.
+int gv_classic_take(gv_classic_join *join, const gv_frame *frame, gv_frame *out);
+
 #endif

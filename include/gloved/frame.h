@@ -24,6 +24,8 @@ typedef struct gv_driver_stats {
   uint64_t lost;      // known lost on this hop (sequence gaps of the transport)
   uint64_t foreign;   // from a peer that is not ours: dropped
   uint64_t tx_failed; // the link refused: dropped
+  uint64_t bus_errors;// error frames of the CAN controller
+  uint64_t link_downs;// times the link went away (interface down or removed)
 } gv_driver_stats;
 
 // A driver. `poll` and `send` never block, never allocate and may be called from the real-time thread.

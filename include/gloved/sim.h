@@ -42,6 +42,7 @@ typedef struct gv_sim_device {
   // force side
   double max_n;              // a command above is refused
   double slew_n_per_s;       // a command that rises faster is refused
+  double wire_count_n;       // smallest step of a tension on the wire (0.012 on classic CAN)
   double command_hz;         // nominal rate of commands
   double watchdog_s;         // no good command for this long: tension zero
   // the user's fingers: joints of a finger from proximal to distal

@@ -100,6 +100,7 @@ static int set_up(program *p) {
   if (gv_options_settings(&p->options, &p->settings, p->err, sizeof p->err)) return -1;
   if (open_world(p)) return -1;
   if (gv_device_open(&p->settings, &p->driver, &p->pace, p->err, sizeof p->err)) return -1;
+  if (p->err[0]) fprintf(stderr, "gloved: %s\n", p->err);
   if (open_telemetry(p)) return -1;
   return open_summary(p);
 }
