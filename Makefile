@@ -72,6 +72,10 @@ traces: $(B)/gloved $(B)/fcusim
 	$(Q)for t in data/traces/*/; do B=$(B) tools/record-trace $$(basename $$t) || exit 1; done
 	$(Q)$(MAKE) --no-print-directory golden
 
+## bench-accuracy: a million poses per pair type against the oracles (make test runs a part; half an hour)
+bench-accuracy: $(B)/test/test_narrow
+	$(Q)GV_POSES=1000000 $<
+
 ## layers: check that no include or call crosses a wall (also part of the tests)
 layers:
 	$(Q)sh test/test_layers.sh
@@ -134,5 +138,5 @@ clean:
 help:
 	@sed -n 's/^## //p' $(MAKEFILE_LIST)
 
-.PHONY: run test all golden traces layers fuzz clean help
+.PHONY: run test all bench-accuracy golden traces layers fuzz clean help
 -include $(shell find $(B) -name '*.d' 2>/dev/null)
