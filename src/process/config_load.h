@@ -35,5 +35,7 @@ void gv_settings_default(gv_settings *out);
 int gv_settings_load(const char *path, gv_settings *out, char *err, size_t err_size);
 // Two points per sensor, all 22 by name. 0, or negative with the reason in err; *out is then untouched.
 int gv_calibration_load(const char *path, gv_calibration *out, char *err, size_t err_size);
+// Writes such a file, with the comment's lines on top: whole or not at all. 0, or negative with one line in err.
+int gv_calibration_save(const char *path, const gv_calibration *cal, const char *comment, char *err, size_t err_size);
 
 #endif

@@ -1,0 +1,176 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""serialsim and gloved-calibrate as people run them: a person at a terminal is walked through the postures, a
+recording and a bare glove without questions, mistakes get one line; and the daemon grasps a box with a glove
+and a tracker that are both behind serial lines with garbage on them, the glove's cable pulled on the way."""
+import concurrent.futures
+import json
+import os
+import pty
+import re
+import select
+import subprocess
+import sys
+import tempfile
+import time
+
+B = os.environ["B"]
+CALIBRATE, SERIALSIM, GLOVED = (os.path.join(B, name) for name in ("gloved-calibrate", "serialsim", "gloved"))
+tmp = tempfile.TemporaryDirectory()
+failed = False
+
+FAST = """posture flat  thumb_rotate 0
+posture fist  thumb_mpj 45  thumb_ij 60  index_mpj 90  index_pij 100  index_dij 66.67  middle_mpj 90  middle_pij 100
+posture fist  middle_dij 66.67  ring_mpj 90  ring_pij 100  ring_dij 66.67  little_mpj 90  little_pij 100  little_dij 66.67
+posture pinch like flat  thumb_rotate 30  thumb_abduction 35  thumb_mpj 20  thumb_ij 20  index_mpj 55  index_pij 50  index_dij 33
+posture pinch middle_mpj 0  middle_pij 0  middle_dij 0  ring_mpj 0  ring_pij 0  ring_dij 0  little_mpj 0  little_pij 0  little_dij 0
+at 0 posture flat wrist 0 0 0.1 0 0 0
+at 2.0
+at 2.4 posture fist
+at 4.4
+at 4.8 posture pinch
+end 20
+"""
+
+
+def path(name, text=None):
+    full = os.path.join(tmp.name, name)
+    if text is not None:
+        with open(full, "w") as file:
+            file.write(text)
+    return full
+
+
+def test(function):
+    global failed
+    try:
+        function()
+        print("ok", function.__name__)
+    except (AssertionError, OSError, ValueError, subprocess.SubprocessError) as error:
+        print(f"  {error!r}")
+        print("FAIL", function.__name__)
+        failed = True
+
+
+def run(program, *options):
+    return subprocess.run([program, *options], capture_output=True, text=True, timeout=60)
+
+
+def sensors(file):
+    """Name to (raw, raw, deg, deg) of a calibration file."""
+    with open(file) as text:
+        rows = re.findall(r"(\w+) += { raw = \[(.*?), (.*?)\]; deg = \[(.*?), (.*?)\]; };", text.read())
+    return {row[0]: tuple(float(v) for v in row[1:]) for row in rows}
+
+
+class Sim:
+    """serialsim in the background, behind a link of its own."""
+
+    def __init__(self, *options):
+        self.link = path(f"tty{time.monotonic_ns()}")
+        self.run = subprocess.Popen([SERIALSIM, *options, "--link", self.link], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+        assert self.run.stdout.readline().strip() == self.link
+
+    def end(self):
+        self.run.terminate()
+        return self.run.communicate(timeout=10)[1]
+
+
+def calibrate_without_questions():
+    out = path("auto.cal")
+    result = run(CALIBRATE, "--fcu", "sim:data/scripts/calibrate.user", "--auto", "--out", out)
+    assert result.returncode == 0 and "written" in result.stdout, result
+    made = sensors(out)
+    assert len(made) == 22 and made["index_pij"] == (1024.0, 3300.0, 0.0, 100.0), made
+    again = run(CALIBRATE, "--fcu", "sim:data/scripts/calibrate.user", "--auto", "--out", out)
+    assert again.returncode == 0 and sensors(out + ".old") == made, again
+    check = run(GLOVED, "--check", "--lcm", "none", "--config", path("c.conf", f'version = 1;\ncalibration = "{out}";\n'))
+    assert check.returncode == 0, check
+
+
+def calibrate_walks_a_person_through():
+    """Enter is pressed when the instruction asks for it and the (simulated) hand has got there."""
+    out, person, terminal = path("walk.cal"), *pty.openpty()
+    tool = subprocess.Popen([CALIBRATE, "--fcu", "sim:" + path("fast.user", FAST), "--out", out], stdin=terminal, stdout=terminal, stderr=terminal)
+    os.close(terminal)
+    start, seen, presses = time.monotonic(), b"", [0.2, 2.6, 5.0]
+    while time.monotonic() - start < 30:
+        if select.select([person], [], [], 0.02)[0]:
+            try:
+                seen += os.read(person, 65536)
+            except OSError:
+                break
+        asked = seen.count(b"Press Enter")
+        if presses and asked == 4 - len(presses) and time.monotonic() - start > presses[0]:
+            presses.pop(0)
+            os.write(person, b"\n")
+    assert tool.wait(10) == 0 and not presses, seen.decode()
+    for word in (b"1 of 3, flat hand", b"2 of 3, fist", b"3 of 3, pinch", b"still for", b"little_dij", b"written"):
+        assert word in seen, (word, seen.decode())
+    assert sensors(out)["thumb_abduction"][3] == 35.0
+
+
+def calibrate_refuses():
+    no = path("no.cal")
+    stuck = path("stuck.user", FAST.replace("index_dij 66.67", "index_dij 0"))
+    flat = path("flat.user", "posture flat index_mpj 0\nat 0 posture flat wrist 0 0 0 0 0 0\nend 30\n")
+    for code, words, options in [
+            (1, ["index_dij: did not move", "nothing was written"], ["--fcu", "sim:" + stuck, "--auto"]),
+            (1, ["fist: the hand is still where it was"], ["--fcu", "sim:" + flat, "--auto"]),
+            (2, ["--fcu is missing"], ["--auto"]),
+            (2, ["add --auto"], ["--fcu", "sim:"]),
+            (2, ["no such kind of URL"], ["--fcu", "gopher:", "--auto"]),
+            (2, ["plug it in"], ["--fcu", "serial:/nonexistent?type=cyberglove", "--auto"]),
+            (2, ["/nonexistent.cal"], ["--fcu", "sim:", "--auto", "--from", "/nonexistent.cal"]),
+            (2, ["unknown option"], ["--fcu", "sim:", "--auto", "--side", "both"])]:
+        result = subprocess.run([CALIBRATE, "--out", no, *options], stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=60)
+        assert result.returncode == code, result
+        for word in words:
+            assert word in result.stderr, (word, result.stderr)
+    assert not os.path.exists(no) and not os.path.exists(no + ".new")
+    result = run(CALIBRATE, "--fcu", "sim:", "--auto", "--out", "/nonexistent/x.cal")
+    assert result.returncode == 2 and "choose another place" in result.stderr, result
+
+
+def calibrate_a_bare_glove_with_18_sensors():
+    sim, out = Sim("cyberglove", "--sensors", "18", "--script", path("fast.user", FAST)), path("bare.cal")
+    result = run(CALIBRATE, "--fcu", f"serial:{sim.link}?type=cyberglove", "--auto", "--out", out)
+    assert result.returncode == 0, result
+    sim.end()
+    made = sensors(out)
+    assert abs(made["ring_pij"][1] - 3300) <= 8 and made["ring_dij"][3] == 66.67, made
+    with open(out) as file:
+        text = file.read()
+    assert "18 sensors" in text and "offset/gain: 60/118 61/119" in text, text
+
+
+def daemon_grasps_with_serial_devices():
+    glove = Sim("cyberglove", "--garbage", "0.05", "--unplug", "3", "--sensors", "18")
+    tracker = Sim("fastrak", "--garbage", "0.05", "--gap", "0.02")
+    summary = path("s.json")
+    result = run(GLOVED, "--fcu", f"serial:{glove.link}?type=cyberglove", "--tracker", f"serial:{tracker.link}?type=fastrak",
+                 "--duration", "4.7", "--lcm", "none", "--no-rt", "--summary", summary)
+    assert result.returncode == 0, result
+    glove_report, tracker_report = glove.end(), tracker.end()
+    assert " 0 refused" in glove_report and " 0 refused" in tracker_report, (glove_report, tracker_report)
+    with open(summary) as file:
+        report = json.load(file)
+    assert report["frames"]["rx"] > 600 and report["frames"]["bad"] > 5, report["frames"]
+    assert report["rt_heap_calls"] == 0 and report["contacts_max"] >= 8, report
+    assert max(report["force_max_n"]) == 0, "a bare glove let a force out"
+    assert re.search(r"safety: ready -> wait", result.stdout + result.stderr), "the pulled cable was not seen"
+
+
+def serialsim_refuses():
+    for word, options in [("which device", []), ("unknown device", ["keyboard"]), ("18 or 22", ["cyberglove", "--sensors", "20"]),
+                          ("number from 0 to 1", ["fastrak", "--gap", "2"]), ("no value", ["fastrak", "--gap"]),
+                          ("unknown option", ["fastrak", "--bogus", "1"]), ("/nonexistent", ["fastrak", "--script", "/nonexistent"]),
+                          ("no device setting", ["fastrak", "--device", "colour=3"]), ("--link", ["fastrak", "--link", "/nonexistent/x"])]:
+        result = run(SERIALSIM, *options)
+        assert result.returncode == 2 and word in result.stderr and len(result.stderr.splitlines()) <= 2, result
+
+
+# Side by side: most of them wait for a (simulated) hand.
+with concurrent.futures.ThreadPoolExecutor() as pool:
+    list(pool.map(test, (calibrate_without_questions, calibrate_walks_a_person_through, calibrate_refuses,
+                         calibrate_a_bare_glove_with_18_sensors, daemon_grasps_with_serial_devices, serialsim_refuses)))
+sys.exit(failed)
