@@ -76,18 +76,26 @@ static void read_back(gv_dynamics *dyn, int i) {
                                   from_ode(dBodyGetLinearVel(b)), from_ode(dBodyGetAngularVel(b))};
 }
 
-static void create_body(gv_dynamics *dyn, int i, double mass, double added_mass, const gv_mat3 *inertia, double added_inertia) {
-  dBodyID b = dBodyCreate(dyn->world);
+static void set_mass(gv_dynamics *dyn, int i, double mass, double added_mass, const gv_mat3 *inertia, double added_inertia) {
   dMass m;
   dMassSetZero(&m);
   m.mass = mass + added_mass;
   for (int r = 0; r < 3; r++)
     for (int c = 0; c < 3; c++) m.I[4 * r + c] = inertia->m[r][c] + (r == c ? added_inertia : 0.0);
-  dBodySetMass(b, &m);
-  dyn->body[i] = b;
+  dBodySetMass(dyn->body[i], &m);
   dyn->mass[i] = mass;
   dyn->inv_mass[i] = 1.0 / m.mass;
   dyn->inertia[i] = *inertia;
+}
+
+static void create_body(gv_dynamics *dyn, int i, double mass, const gv_mat3 *inertia) {
+  dyn->body[i] = dBodyCreate(dyn->world);
+  set_mass(dyn, i, mass, 0.0, inertia, 0.0);
+}
+
+void gv_dynamics_set_limb(gv_dynamics *dyn, int limb, const gv_spring *spring, double inertia) {
+  const gv_mat3 own = {{{inertia, 0, 0}, {0, inertia, 0}, {0, 0, inertia}}};
+  set_mass(dyn, limb, spring->mass_kg, spring->added_mass_kg, &own, spring->added_inertia);
 }
 
 // I / m = 2/5 r^2 with 4/3 pi r^3 = volume.
@@ -116,7 +124,7 @@ static void create_object(gv_dynamics *dyn, const gv_scene *scene, int index) {
   for (int r = 0; r < 3; r++)
     for (int c = 0; c < 3; c++)
       inertia.m[r][c] = sphere > 0.0 ? (r == c ? sphere : 0.0) : inertia.m[r][c] * mass / o->mass_kg;
-  create_body(dyn, GV_LIMBS + index, mass, 0.0, &inertia, 0.0);
+  create_body(dyn, GV_LIMBS + index, mass, &inertia);
 }
 
 static void create_world(gv_dynamics *dyn, const gv_scene *scene) {
@@ -158,9 +166,8 @@ gv_dynamics *gv_dynamics_create(gv_arena *arena, const gv_config *cfg, const gv_
   dInitODE2(0);
   create_world(dyn, scene);
   for (int i = 0; i < GV_LIMBS; i++) {
-    const double I = limb_inertia[i];
-    const gv_mat3 inertia = {{{I, 0, 0}, {0, I, 0}, {0, 0, I}}};
-    create_body(dyn, i, spring[i].mass_kg, spring[i].added_mass_kg, &inertia, spring[i].added_inertia);
+    dyn->body[i] = dBodyCreate(dyn->world);
+    gv_dynamics_set_limb(dyn, i, &spring[i], limb_inertia[i]);
     dBodySetGravityMode(dyn->body[i], 0);        // gravity acts on m, not on m': the engine adds it
     dBodySetGyroscopicMode(dyn->body[i], 0);
     read_back(dyn, i);

@@ -31,6 +31,8 @@ void gv_dynamics_warm_up(gv_dynamics *dyn);
 
 const gv_limb_state *gv_dynamics_state(const gv_dynamics *dyn, int body);
 void gv_dynamics_set_state(gv_dynamics *dyn, int body, const gv_limb_state *state);
+// Another spring for a limb: its mass with the augmentation that belongs to it. Never allocates.
+void gv_dynamics_set_limb(gv_dynamics *dyn, int limb, const gv_spring *spring, double inertia);
 // A limb without a driver is parked: not simulated.
 void gv_dynamics_park_limbs(gv_dynamics *dyn, bool parked);
 gv_vec3 gv_dynamics_gravity(const gv_dynamics *dyn);

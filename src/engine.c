@@ -31,6 +31,12 @@ static bool put_engine(gv_arena *arena, const gv_config *cfg, const gv_scene *sc
   return true;
 }
 
+static gv_spring make_spring(const gv_engine *e, int limb) {
+  const bool palm = limb == GV_LIMB_PALM;
+  return gv_spring_make(palm ? &e->cfg.palm : &e->cfg.limb, palm ? e->cfg.palm_mass_kg : e->cfg.limb_mass_kg,
+                        e->limb_inertia[limb], e->cfg.step_s, e->cfg.rotation_law);
+}
+
 static void make_limbs(gv_engine *e) {
   const gv_hand_model *hand = &e->cfg.hand;
   for (int i = 0; i < GV_LIMBS; i++) {
@@ -41,8 +47,7 @@ static void make_limbs(gv_engine *e) {
     e->limb_reach[i] = gv_norm(half) + r;
     double mass = palm ? e->cfg.palm_mass_kg : e->cfg.limb_mass_kg;
     e->limb_inertia[i] = mass * gv_sphere_inertia_of_box(gv_scale(gv_add(half, gv_v3(r, r, r)), 2.0));
-    e->spring[i] = gv_spring_make(palm ? &e->cfg.palm : &e->cfg.limb, mass, e->limb_inertia[i], e->cfg.step_s,
-                                  e->cfg.rotation_law);
+    e->spring[i] = make_spring(e, i);
   }
 }
 
@@ -101,6 +106,22 @@ void gv_engine_reset(gv_engine *e) {
   for (int o = 0; o < e->scene->object_count; o++)
     gv_dynamics_set_state(e->dyn, GV_LIMBS + o, &(gv_limb_state){.T = e->scene->object[o].T_world_body});
 }
+
+int gv_engine_adjust(gv_engine *e, const gv_coupling *limb, const gv_coupling *palm, double mu_hand) {
+  gv_config cfg = e->cfg;
+  cfg.limb = *limb;
+  cfg.palm = *palm;
+  cfg.mu_hand = mu_hand;
+  if (gv_config_check(&cfg)) return -1;
+  e->cfg = cfg;
+  for (int i = 0; i < GV_LIMBS; i++) {
+    e->spring[i] = make_spring(e, i);
+    gv_dynamics_set_limb(e->dyn, i, &e->spring[i], e->limb_inertia[i]);
+  }
+  return 0;
+}
+
+const gv_config *gv_engine_config(const gv_engine *e) { return &e->cfg; }
 
 // First sample: the limbs appear on their driver frames, at rest.
 static void place_hand(gv_engine *e) {

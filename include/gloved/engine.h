@@ -122,8 +122,12 @@ void gv_engine_close(gv_engine *engine);
 void gv_engine_step(gv_engine *engine, const gv_sample *sample, gv_step_result *out);
 // Objects back to their start poses, hand placed anew by the next sample.
 void gv_engine_reset(gv_engine *engine);
+// Other couplings and another friction of the skin from the next step on. Returns 0, or negative where one is out
+// of range (gv_config_check): nothing has changed then. Never allocates.
+int gv_engine_adjust(gv_engine *engine, const gv_coupling *limb, const gv_coupling *palm, double mu_hand);
 
 // Views, valid until the next step.
+const gv_config *gv_engine_config(const gv_engine *engine);            // as it is in force now
 const gv_counters *gv_engine_counters(const gv_engine *engine);
 const gv_contact *gv_engine_contacts(const gv_engine *engine, int *out_count);
 // Every polygon that a limb touches at the end of the last step, at most `max`. Returns the count. Cost: about
