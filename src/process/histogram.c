@@ -41,6 +41,19 @@ int64_t gv_histogram_quantile_ns(const gv_histogram *histogram, double fraction)
   return max_ns;
 }
 
+int gv_histogram_coarse(const gv_histogram *histogram, int64_t out_upper_ns[GV_HISTOGRAM_COARSE], uint64_t out_count[GV_HISTOGRAM_COARSE]) {
+  enum { MERGED = GV_HISTOGRAM_BINS / GV_HISTOGRAM_COARSE };
+  int n = 0;
+  for (int first = 0; first < GV_HISTOGRAM_BINS; first += MERGED) {
+    uint64_t sum = 0;
+    for (int i = first; i < first + MERGED; i++) sum += atomic_load_explicit(&histogram->bin[i], memory_order_relaxed);
+    if (!sum) continue;
+    out_upper_ns[n] = upper_edge_ns(first + MERGED - 1);
+    out_count[n++] = sum;
+  }
+  return n;
+}
+
 gv_quantiles gv_histogram_quantiles(const gv_histogram *histogram) {
   return (gv_quantiles){(double)gv_histogram_quantile_ns(histogram, 0.5) * 1e-3,
                         (double)gv_histogram_quantile_ns(histogram, 0.99) * 1e-3,

@@ -12,7 +12,8 @@
 
 enum {
   FINAL_ZERO_COMMANDS = 3,
-  RECORDS_A_STEP = 16,  // 7 engine events, overrun, other hand, state, and room
+  RECORDS_A_STEP = 32,  // 7 engine events, overrun, other hand, state, 16 requests, and room
+  STEP_RECORDS_A_STEP = GV_LOOP_FRAMES / GV_STEP_FRAMES,
   REPORT_OVERRUN = 31
 };
 
@@ -51,7 +52,8 @@ static void add_relaxed(_Atomic uint64_t *counter, uint64_t amount) {
 // In free pace nothing gets lost: before a step the loop waits until the slow thread has made room for all
 // that one step can have to tell.
 static void wait_for_space(const gv_loop *loop) {
-  while (gv_ring_space(&loop->snapshots) < 1 || gv_ring_space(&loop->records) < RECORDS_A_STEP)
+  while (gv_ring_space(&loop->snapshots) < 1 || gv_ring_space(&loop->records) < RECORDS_A_STEP ||
+         gv_ring_space(&loop->steps) < STEP_RECORDS_A_STEP)
     sleep_until(clock_ns(CLOCK_MONOTONIC) + 200000);
 }
 
@@ -99,6 +101,28 @@ static void push_snapshot(gv_loop *loop) {
   snapshot->heap_calls = loop->heap_calls;
   gv_ring_commit(&loop->snapshots);
   loop->events = 0;
+}
+
+static void push_steps(gv_loop *loop, int frame_count, int64_t wake_ns, int64_t work_ns) {
+  for (int first = 0; first == 0 || first < frame_count; first += GV_STEP_FRAMES) {
+    gv_step_record *record = gv_ring_reserve(&loop->steps);
+    if (!record) return;
+    const int rest = frame_count - first;
+    gv_step_record_fill(loop->session, loop->now_ns, &loop->frame[first], rest < GV_STEP_FRAMES ? rest : GV_STEP_FRAMES, record);
+    record->utime = loop->wall_us + loop->now_ns / 1000;
+    record->wake_ns = (int32_t)wake_ns;
+    record->work_ns = (int32_t)work_ns;
+    gv_ring_commit(&loop->steps);
+  }
+}
+
+static void obey_requests(gv_loop *loop) {
+  const gv_request *request;
+  while ((request = gv_ring_peek(&loop->requests))) {
+    const bool done = gv_session_request(loop->session, request);
+    push_record(loop, GV_RECORD_REQUEST, (uint32_t)request->kind | (done ? 0u : GV_RECORD_REFUSED));
+    gv_ring_release(&loop->requests);
+  }
 }
 
 static void tell(gv_loop *loop, int64_t step) {
@@ -159,6 +183,12 @@ static void ramp_down(gv_loop *loop) {
   }
 }
 
+// t: start and the ends of the stages.
+static void add_times(gv_loop *loop, const int64_t t[GV_STAGES + 1]) {
+  for (int i = 0; i < GV_STAGES; i++) gv_histogram_add(&loop->stage[i], t[i + 1] - t[i]);
+  gv_histogram_add(&loop->step, t[GV_STAGES] - t[0]);
+}
+
 static gv_exit run(gv_loop *loop) {
   const gv_pace pace = loop->cfg.pace;
   const gv_driver *driver = loop->driver;
@@ -171,14 +201,20 @@ static gv_exit run(gv_loop *loop) {
     const int64_t start_ns = clock_ns(CLOCK_MONOTONIC);
     loop->now_ns = pace == GV_PACE_LIVE ? start_ns : step * loop->cfg.period_ns;
     const int count = driver->poll(driver->self, loop->now_ns, loop->frame, GV_LOOP_FRAMES);
+    const int64_t polled_ns = clock_ns(CLOCK_MONOTONIC);
+    obey_requests(loop);
     // In virtual time nothing is late, and a simulated user must not feel the host's load.
     const unsigned overruns = pace == GV_PACE_LIVE ? loop->overruns_now : 0;
     gv_session_step(loop->session, loop->now_ns, loop->frame, count, overruns, &command);
+    const int64_t computed_ns = clock_ns(CLOCK_MONOTONIC);
     driver->send(driver->self, &command, 1);
+    const int64_t sent_ns = clock_ns(CLOCK_MONOTONIC);
     tell(loop, step);
     if (step == 0) watch_faults(loop);
     const int64_t done_ns = clock_ns(CLOCK_MONOTONIC);
-    gv_histogram_add(&loop->step, done_ns - start_ns);
+    add_times(loop, (const int64_t[]){start_ns, polled_ns, computed_ns, sent_ns, done_ns});
+    if (atomic_load_explicit(&loop->trace, memory_order_relaxed))
+      push_steps(loop, count, pace == GV_PACE_FREE ? 0 : start_ns - deadline_ns, done_ns - start_ns);
     if (pace == GV_PACE_FREE) continue;
     gv_histogram_add(&loop->wake, start_ns - deadline_ns);
     deadline_ns = next_deadline(loop, deadline_ns, done_ns);
@@ -214,6 +250,8 @@ void gv_loop_init(gv_loop *loop, const gv_loop_config *cfg, gv_session *session,
   atomic_init(&loop->refusals, -1);
   gv_ring_init(&loop->snapshots, loop->snapshot_slot, sizeof loop->snapshot_slot[0], GV_LOOP_SNAPSHOTS);
   gv_ring_init(&loop->records, loop->record_slot, sizeof loop->record_slot[0], GV_LOOP_RECORDS);
+  gv_ring_init(&loop->steps, loop->step_slot, sizeof loop->step_slot[0], GV_LOOP_STEPS);
+  gv_ring_init(&loop->requests, loop->request_slot, sizeof loop->request_slot[0], GV_LOOP_REQUESTS);
 }
 
 int gv_loop_start(gv_loop *loop) {

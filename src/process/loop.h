@@ -21,6 +21,8 @@ typedef enum gv_pace { GV_PACE_LIVE, GV_PACE_PACED, GV_PACE_FREE } gv_pace;
 enum {
   GV_LOOP_SNAPSHOTS = 32,    // 0.6 s of snapshots at 50 Hz before the first is dropped; 23 kB each
   GV_LOOP_RECORDS = 256,
+  GV_LOOP_STEPS = 2048,      // 2 s of step records at 1 kHz; 0.9 kB each, only while GLOVED_TRACE is wanted
+  GV_LOOP_REQUESTS = 16,
   GV_LOOP_FRAMES = 256,      // frames taken per period: what a device of 1 kHz sends in 64 ms; the rest waits
   GV_SNAPSHOT_HZ = 50
 };
@@ -34,6 +36,9 @@ typedef struct gv_loop_config {
 
 typedef enum gv_exit { GV_EXIT_RUNNING, GV_EXIT_END, GV_EXIT_DURATION, GV_EXIT_SIGNAL, GV_EXIT_FAULT } gv_exit;
 
+// Parts of a period's work: take frames, session step, send the command, tell the slow thread.
+typedef enum gv_stage { GV_STAGE_POLL, GV_STAGE_COMPUTE, GV_STAGE_SEND, GV_STAGE_TELL, GV_STAGES } gv_stage;
+
 // The loop's thread writes everything but `stop`; others read the atomics at any time, and the rest
 // after gv_loop_join.
 typedef struct gv_loop {
@@ -45,6 +50,7 @@ typedef struct gv_loop {
   atomic_bool *stop;         // set by a signal handler
   _Atomic int exit;          // gv_exit; other than running: the loop has ended
   _Atomic int refusals;      // gv_refusal bits of the thread's set-up; -1: not known yet
+  gv_histogram stage[GV_STAGES];     // parts of `step`
   gv_histogram step, wake;   // work of a period; deadline to start of work (not in free pace)
   _Atomic uint64_t missed_deadlines; // steps that were not done within their period
   _Atomic uint64_t overruns;         // whole periods skipped because of them
@@ -52,7 +58,9 @@ typedef struct gv_loop {
   gv_page_faults page_faults;        // likewise
   gv_safety_state state_before_stop; // of the safety machine when the loop began to end
   uint32_t faults_before_stop;
-  gv_ring snapshots, records;        // to the slow thread
+  gv_ring snapshots, records, steps; // to the slow thread
+  gv_ring requests;                  // from the slow thread
+  atomic_bool trace;                 // set by the slow thread: step records are wanted
   // The loop's own.
   unsigned refusals_before;          // of the process, before the thread started
   unsigned overruns_now;             // periods skipped just before this step
@@ -65,9 +73,11 @@ typedef struct gv_loop {
   gv_frame frame[GV_LOOP_FRAMES];
   gv_snapshot snapshot_slot[GV_LOOP_SNAPSHOTS];
   gv_record record_slot[GV_LOOP_RECORDS];
+  gv_step_record step_slot[GV_LOOP_STEPS];
+  gv_request request_slot[GV_LOOP_REQUESTS];
 } gv_loop;
 
-// `loop` zeroed, its memory present (some 0.8 MB). `stop` may be set from a signal handler.
+// `loop` zeroed, its memory present (some 2.7 MB). `stop` may be set from a signal handler.
 void gv_loop_init(gv_loop *loop, const gv_loop_config *cfg, gv_session *session, gv_driver *driver, int object_count,
                   atomic_bool *stop);
 // Locks memory as configured and starts the thread. 0, or the errno of pthread_create.

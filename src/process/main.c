@@ -82,8 +82,9 @@ static int open_telemetry(program *p) {
   gv_settings defaults;
   gv_settings_default(&defaults);
   const bool required = p->options.lcm || strcmp(p->settings.lcm, defaults.lcm) != 0;
-  p->telemetry = gv_telemetry_open(p->settings.lcm, required, p->options.log, &p->scene, &p->settings.engine.hand,
-                                   p->err, sizeof p->err);
+  const gv_telemetry_config telemetry = {.lcm_url = p->settings.lcm, .lcm_required = required, .log_path = p->options.log,
+                                         .scene = &p->scene, .hand = &p->settings.engine.hand, .arena = &p->arena};
+  p->telemetry = gv_telemetry_open(&telemetry, p->err, sizeof p->err);
   if (p->telemetry && p->err[0]) fprintf(stderr, "gloved: going on without LCM: %s\n", p->err);
   return p->telemetry ? 0 : -1;
 }
@@ -121,6 +122,7 @@ static void start_loop(program *p) {
   };
   gv_session_init(&p->session, &session, p->engine);
   gv_loop_init(&p->loop, &loop, &p->session, &p->driver, p->scene.object_count, &stop_requested);
+  gv_telemetry_attach(p->telemetry, &p->loop);
 }
 
 static int run(program *p) {

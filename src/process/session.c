@@ -15,6 +15,8 @@
 void gv_session_init(gv_session *session, const gv_session_config *cfg, gv_engine *engine) {
   *session = (gv_session){.cfg = *cfg, .engine = engine, .glove_age_s = HUGE_VAL, .hand_age_s = HUGE_VAL};
   session->hand.T_world_receiver = session->sample.T_world_receiver = gv_pose_identity();
+  session->limb_configured = gv_engine_config(engine)->limb;
+  session->palm_configured = gv_engine_config(engine)->palm;
   gv_safety_init(&session->safety, &cfg->safety);
   gv_limiter_init(&session->limiter, &cfg->limiter);
 }
@@ -132,10 +134,12 @@ static unsigned count_overruns(const gv_session *session, unsigned periods_skipp
 static void step_safety(gv_session *session, unsigned frame_errors, unsigned periods_skipped) {
   const bool glove_held = session->glove_seen && (session->glove.flags & GV_GLOVE_DEAD_MAN);
   const bool device_held = !session->status_seen || (session->status.flags & GV_STATUS_DEAD_MAN);
+  const bool held = glove_held && device_held;
+  session->disarmed = session->disarmed && held;
   const gv_safety_input in = {
     .glove_seen = session->glove_seen, .tracker_seen = session->hand_seen,
     .glove_age_s = session->glove_age_s, .tracker_age_s = session->hand_age_s,
-    .dead_man = glove_held && device_held,
+    .dead_man = held && !session->disarmed,
     .finite = all_finite(session->result.tension_n),
     .device_fault = session->status_seen && (session->status.flags & GV_STATUS_FAULT),
     .bad_frames = frame_errors, .overruns = count_overruns(session, periods_skipped),
@@ -179,6 +183,31 @@ void gv_session_step(gv_session *session, int64_t now_ns, const gv_frame *frame,
   gv_engine_step(session->engine, &session->sample, &session->result);
   step_safety(session, (unsigned)(session->frames.errors - errors_before), periods_skipped);
   send_force(session, session->result.tension_n, out_command);
+}
+
+static gv_coupling scaled(gv_coupling c, double factor) {
+  const double root = sqrt(factor);
+  // Damping below 0 means critical, and stays.
+  return (gv_coupling){c.k_f * factor, c.d_f < 0.0 ? c.d_f : c.d_f * root, c.k_t * factor, c.d_t < 0.0 ? c.d_t : c.d_t * root};
+}
+
+bool gv_session_request(gv_session *session, const gv_request *request) {
+  gv_engine *engine = session->engine;
+  const gv_config *cfg = gv_engine_config(engine);
+  switch (request->kind) {
+    case GV_REQUEST_RESET:
+      if (gv_safety_lets_force_out(&session->safety) || largest(session->force_n) > 0.0) return false;
+      gv_engine_reset(engine);
+      return true;
+    case GV_REQUEST_COUPLING: {
+      const gv_coupling limb = scaled(session->limb_configured, request->value), palm = scaled(session->palm_configured, request->value);
+      return gv_engine_adjust(engine, &limb, &palm, cfg->mu_hand) == 0;
+    }
+    case GV_REQUEST_FRICTION: return gv_engine_adjust(engine, &cfg->limb, &cfg->palm, request->value) == 0;
+    case GV_REQUEST_DISARM: session->disarmed = true; return true;
+    case GV_REQUEST_SCENE: case GV_REQUEST_START_LOG: case GV_REQUEST_STOP_LOG: case GV_REQUEST_TRACE: case GV_REQUEST_KINDS: break;
+  }
+  return false;
 }
 
 bool gv_session_stop(gv_session *session, int64_t now_ns, gv_frame *out_command) {

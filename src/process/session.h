@@ -11,6 +11,7 @@
 #include "gloved/fcu.h"
 #include "gloved/force.h"
 #include "gloved/safety.h"
+#include "request.h"
 
 enum {
   GV_RECEIVER_HEAD = 1, GV_RECEIVER_HAND = 2, // POSE.receiver
@@ -54,6 +55,7 @@ typedef struct gv_session {
   bool glove_seen, hand_seen, head_seen, status_seen;
   int64_t glove_time_ns, hand_time_ns;
   bool other_hand;         // a glove of the other hand was seen
+  bool disarmed;           // by request: the dead-man switch counts as open until it really is
   gv_sample sample;        // what the engine got last
   gv_step_result result;   // what it answered
   double glove_age_s, hand_age_s; // at the last step; infinite before the first sample
@@ -61,6 +63,7 @@ typedef struct gv_session {
   double force_max_n[GV_FINGERS]; // largest so far
   unsigned limiter_flags;  // of the last step (gv_limiter_flag)
   uint32_t faults_seen;    // every gv_fault bit so far
+  gv_coupling limb_configured, palm_configured;
   uint8_t command_counter;
   gv_command_msg command;  // last one sent
 } gv_session;
@@ -71,6 +74,9 @@ void gv_session_init(gv_session *session, const gv_session_config *cfg, gv_engin
 // loop had to skip before it. Always writes the command. Cost: the engine's step and below 2 us.
 void gv_session_step(gv_session *session, int64_t now_ns, const gv_frame *frame, int count,
                      unsigned periods_skipped, gv_frame *out_command);
+
+// Reset, coupling, friction or disarm, between two steps. False: not now (a force may flow), nothing has changed.
+bool gv_session_request(gv_session *session, const gv_request *request);
 
 // One period of ending: no engine step, forces ramp to zero. Returns true when the command carries none any more.
 bool gv_session_stop(gv_session *session, int64_t now_ns, gv_frame *out_command);

@@ -28,15 +28,20 @@ static void report_refusals(const gv_loop *loop, bool *reported) {
 static void empty_rings(gv_loop *loop, gv_telemetry *telemetry, gv_view *view) {
   const gv_record *record;
   const gv_snapshot *snapshot;
+  const gv_step_record *step;
   while ((record = gv_ring_peek(&loop->records))) {
     gv_telemetry_record(telemetry, record);
     gv_view_record(view, record);
     gv_ring_release(&loop->records);
   }
   while ((snapshot = gv_ring_peek(&loop->snapshots))) {
-    gv_telemetry_snapshot(telemetry, loop, snapshot);
+    gv_telemetry_snapshot(telemetry, snapshot);
     gv_view_snapshot(view, clock_ns(), loop, snapshot);
     gv_ring_release(&loop->snapshots);
+  }
+  while ((step = gv_ring_peek(&loop->steps))) {
+    gv_telemetry_step(telemetry, step);
+    gv_ring_release(&loop->steps);
   }
 }
 
@@ -46,6 +51,7 @@ void gv_slow_run(gv_loop *loop, gv_telemetry *telemetry, gv_view *view) {
   while (gv_loop_running(loop)) {
     report_refusals(loop, &reported);
     empty_rings(loop, telemetry, view);
+    gv_telemetry_listen(telemetry, clock_ns());
     nanosleep(&pause, NULL);
   }
   report_refusals(loop, &reported);

@@ -3,6 +3,7 @@
 // words (slow thread).
 #include "snapshot.h"
 
+#include <math.h>
 #include <stdio.h>
 #include <string.h>
 
@@ -41,6 +42,9 @@ static void fill_devices(const gv_session *session, gv_snapshot *out) {
 void gv_snapshot_fill(const gv_session *session, int object_count, gv_snapshot *out) {
   out->counters = *gv_engine_counters(session->engine);
   out->step = (int64_t)out->counters.steps;
+  out->limb_coupling = gv_engine_config(session->engine)->limb;
+  out->palm_coupling = gv_engine_config(session->engine)->palm;
+  out->mu_hand = gv_engine_config(session->engine)->mu_hand;
   out->time_s = (double)out->step * session->cfg.period_s;
   out->safety = session->safety.state;
   out->faults = session->safety.faults;
@@ -53,6 +57,20 @@ void gv_snapshot_fill(const gv_session *session, int object_count, gv_snapshot *
   memcpy(out->angle_rad, gv_engine_angles(session->engine), sizeof out->angle_rad);
   fill_limbs(session->engine, out->limb);
   fill_scene(session->engine, object_count, out);
+}
+
+void gv_step_record_fill(const gv_session *session, int64_t now_ns, const gv_frame *frame, int count, gv_step_record *out) {
+  const gv_contact *contact = gv_engine_contacts(session->engine, &out->contacts);
+  out->step = (int64_t)gv_engine_counters(session->engine)->steps;
+  out->now_ns = now_ns;
+  out->safety = session->safety.state;
+  out->events = session->result.events;
+  out->depth_m = 0.0;
+  for (int i = 0; i < out->contacts; i++) out->depth_m = fmax(out->depth_m, contact[i].depth_m);
+  memcpy(out->desired_n, session->result.tension_n, sizeof out->desired_n);
+  memcpy(out->force_n, session->force_n, sizeof out->force_n);
+  out->frame_count = count;
+  memcpy(out->frame, frame, (size_t)count * sizeof *frame);
 }
 
 gv_pose gv_snapshot_object_pose(const gv_object *object, gv_pose T_world_body) {
@@ -72,6 +90,13 @@ static const char *engine_event_text(uint32_t bit) {
   return "unknown event";
 }
 
+static void request_text(uint32_t bits, char out[GV_RECORD_TEXT]) {
+  const int kind = (int)(bits & 0xff);
+  const char *why = kind == GV_REQUEST_RESET ? "not while a force may flow; disarm first" : "out of range with the values configured";
+  const bool refused = (bits & GV_RECORD_REFUSED) != 0;
+  snprintf(out, GV_RECORD_TEXT, "command %s: %s%s", gv_request_name(kind), refused ? "refused: " : "done", refused ? why : "");
+}
+
 void gv_record_text(const gv_record *record, char out[GV_RECORD_TEXT]) {
   switch (record->kind) {
     case GV_RECORD_STATE:
@@ -81,6 +106,7 @@ void gv_record_text(const gv_record *record, char out[GV_RECORD_TEXT]) {
     case GV_RECORD_ENGINE: snprintf(out, GV_RECORD_TEXT, "engine: %s", engine_event_text(record->bits)); return;
     case GV_RECORD_OVERRUN: snprintf(out, GV_RECORD_TEXT, "loop: %u periods skipped", record->bits); return;
     case GV_RECORD_OTHER_HAND: snprintf(out, GV_RECORD_TEXT, "glove: made for the other hand; set hand.side in --config"); return;
+    case GV_RECORD_REQUEST: request_text(record->bits, out); return;
   }
   snprintf(out, GV_RECORD_TEXT, "unknown record");
 }

@@ -36,6 +36,8 @@ typedef struct gv_snapshot {
   gv_counters counters;
   gv_frame_counters frames;
   uint64_t missed_deadlines, overruns, ring_dropped, heap_calls;
+  gv_coupling limb_coupling, palm_coupling; // in force now
+  double mu_hand;
   gv_snapshot_limb limb[GV_LIMBS];
   int object_count, contact_count, polygon_count;
   gv_snapshot_object object[GV_MAX_OBJECTS];
@@ -43,12 +45,29 @@ typedef struct gv_snapshot {
   gv_polygon_contact polygon[GV_MAX_POLYGONS];
 } gv_snapshot;
 
+// One step with the frames that went into it, for GLOVED_TRACE. A step with more frames takes several records.
+enum { GV_STEP_FRAMES = 8 };
+typedef struct gv_step_record {
+  int64_t step, now_ns, utime;  // as in gv_snapshot; session time
+  int32_t wake_ns, work_ns;     // deadline to start; start to end
+  gv_safety_state safety;
+  uint32_t events;
+  int contacts;
+  double depth_m;               // deepest contact
+  double desired_n[GV_FINGERS], force_n[GV_FINGERS];
+  int frame_count;
+  gv_frame frame[GV_STEP_FRAMES];
+} gv_step_record;
+
 typedef enum gv_record_kind {
   GV_RECORD_STATE,    // the safety machine went from `from` to `to`, with its fault bits
   GV_RECORD_ENGINE,   // a gv_event bit came up (at most once a second each)
   GV_RECORD_OVERRUN,  // periods were skipped (at most once a second)
-  GV_RECORD_OTHER_HAND // once: the glove is for the other hand than the configuration
+  GV_RECORD_OTHER_HAND, // once: the glove is for the other hand than the configuration
+  GV_RECORD_REQUEST   // a gv_request was done or refused: bits = kind, + GV_RECORD_REFUSED
 } gv_record_kind;
+
+enum { GV_RECORD_REFUSED = 256 };
 
 typedef struct gv_record {
   gv_record_kind kind;
@@ -61,6 +80,9 @@ typedef struct gv_record {
 
 // Everything of `session` and its engine; the loop's own counters are left to the caller. Cost: some 3 us.
 void gv_snapshot_fill(const gv_session *session, int object_count, gv_snapshot *out);
+
+// The last step with `count` frames of it; utime and the times of the loop are left to the caller. Cost: below 1 us.
+void gv_step_record_fill(const gv_session *session, int64_t now_ns, const gv_frame *frame, int count, gv_step_record *out);
 
 // Pose of the object's own frame, as the scene file draws it, from the pose of its body.
 gv_pose gv_snapshot_object_pose(const gv_object *object, gv_pose T_world_body);

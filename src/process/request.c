@@ -1,0 +1,42 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// The bounds of what GLOVED_COMMAND may ask. Whether it fits the moment (no reset while a force may flow) is
+// decided in the real-time thread (session.c). Slow thread; pure.
+#include "request.h"
+
+#include <ctype.h>
+#include <stdio.h>
+#include <string.h>
+
+const char *gv_request_name(int kind) {
+  static const char *const name[GV_REQUEST_KINDS] = {"reset", "scene", "coupling", "friction", "start log", "stop log", "disarm", "trace"};
+  return kind >= 0 && kind < GV_REQUEST_KINDS ? name[kind] : "?";
+}
+
+static bool too_frequent(gv_request_rate *rate, int64_t now_ns) {
+  if (rate->count == 0 || now_ns - rate->second_ns >= 1000000000) *rate = (gv_request_rate){now_ns, 0};
+  return ++rate->count > GV_REQUEST_PER_SECOND;
+}
+
+// A name without a folder: a command from the network must not choose a place on the disk.
+static bool is_file_name(const char *text) {
+  if (!isalnum((unsigned char)text[0]) || strlen(text) >= GV_REQUEST_TEXT) return false;
+  for (; *text; text++)
+    if (!isalnum((unsigned char)*text) && !strchr("._-", *text)) return false;
+  return true;
+}
+
+const char *gv_request_check(int kind, double value, const char *text, gv_request_rate *rate, int64_t now_ns, gv_request *out) {
+  if (too_frequent(rate, now_ns)) return "more than 10 a second; send fewer";
+  *out = (gv_request){.kind = (gv_request_kind)kind, .value = value};
+  snprintf(out->text, sizeof out->text, "%s", text);
+  switch (kind) {
+    case GV_REQUEST_RESET: case GV_REQUEST_STOP_LOG: case GV_REQUEST_DISARM: return NULL;
+    case GV_REQUEST_SCENE: return "a scene is chosen at the start; start gloved with --scene";
+    case GV_REQUEST_COUPLING:
+      return value >= GV_REQUEST_COUPLING_MIN && value <= GV_REQUEST_COUPLING_MAX ? NULL : "give a multiple from 0.1 to 2";
+    case GV_REQUEST_FRICTION: return value >= 0.0 && value <= GV_REQUEST_FRICTION_MAX ? NULL : "give a coefficient from 0 to 2";
+    case GV_REQUEST_START_LOG: return is_file_name(text) ? NULL : "give a file name of letters, digits, . _ - and no folder";
+    case GV_REQUEST_TRACE: return value >= 0.0 && value <= 1.0 ? NULL : "give 1 or 0";
+    default: return "no such command; see data/lcm/gloved_command_t.lcm";
+  }
+}

@@ -1,0 +1,46 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// What somebody outside may ask of a running daemon (channel GLOVED_COMMAND), and the bounds of it. Nothing
+// here arms: a person does that at the device.
+#ifndef GLOVED_PROCESS_REQUEST_H
+#define GLOVED_PROCESS_REQUEST_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+typedef enum gv_request_kind { // as in data/lcm/gloved_command_t.lcm
+  GV_REQUEST_RESET,        // objects back to their start; refused while a force may flow
+  GV_REQUEST_SCENE,        // always refused: the engine's memory belongs to one scene
+  GV_REQUEST_COUPLING,     // value: stiffness as a multiple of the configured one; damping by its root
+  GV_REQUEST_FRICTION,     // value: mu of the hand's skin
+  GV_REQUEST_START_LOG,    // text: name of a new file in the daemon's directory
+  GV_REQUEST_STOP_LOG,
+  GV_REQUEST_DISARM,       // no force until the dead-man switch was let go and pressed again
+  GV_REQUEST_TRACE,        // value: 1 publish GLOVED_TRACE, 0 do not
+  GV_REQUEST_KINDS
+} gv_request_kind;
+
+enum {
+  GV_REQUEST_TEXT = 64,       // bytes of a file name with its final zero
+  GV_REQUEST_PER_SECOND = 10  // more are refused
+};
+#define GV_REQUEST_COUPLING_MIN 0.1
+#define GV_REQUEST_COUPLING_MAX 2.0
+#define GV_REQUEST_FRICTION_MAX 2.0
+
+typedef struct gv_request {
+  gv_request_kind kind;
+  double value;
+  char text[GV_REQUEST_TEXT];
+} gv_request;
+
+// How many requests came in the second that began at second_ns.
+typedef struct gv_request_rate { int64_t second_ns; int count; } gv_request_rate;
+
+// Null where the request is sound and not too frequent, otherwise why it is refused and what to do. kind, value and
+// text as they came. now_ns: a clock that runs on.
+const char *gv_request_check(int kind, double value, const char *text, gv_request_rate *rate, int64_t now_ns, gv_request *out);
+// "reset", "scene", ...; "?" beyond the range.
+const char *gv_request_name(int kind);
+
+#endif
