@@ -68,10 +68,11 @@ refused udp_port listen --fcu 'udp://127.0.0.1:5000'
 refused lcm_provider bogus://x --fcu "$press" --lcm bogus://x
 refused lcm_port 99999 --fcu "$press" --lcm 'udpm://239.255.76.67:99999'
 refused log_place "$tmp/no/x.lcm" --fcu "$press" --lcm none --log "$tmp/no/x.lcm"
+refused record_place "$tmp/no/x.log" --fcu "$press" --lcm none --record "$tmp/no/x.log"
 refused summary_place "$tmp/no/x.json" --fcu "$press" --lcm none --summary "$tmp/no/x.json"
 
 "$gloved" --help > "$tmp/help"; code=$?
-for option in --config --scene --fcu --tracker --rate --duration --lcm --log --summary --no-rt --check --help --version; do
+for option in --config --scene --fcu --tracker --rate --duration --lcm --log --record --summary --no-rt --check --help --version; do
   grep -q -e "$option" "$tmp/help" || code=1
 done
 verdict help_names_every_option $code "$(cat "$tmp/help")"
@@ -115,6 +116,18 @@ verdict free_replay_prints_the_summary_alone $? "$(cat "$tmp/out" "$tmp/err")"
 "$gloved" --fcu "$press" --lcm none --duration 0.5 --no-rt --summary "$tmp/no-rt.json" > /dev/null 2>&1
 hashes=$(grep -h state_hash "$tmp/free.json" "$tmp/paced.json" "$tmp/no-rt.json" | sort -u | wc -l)
 [ "$hashes" -eq 1 ]; verdict hash_knows_no_clock $? "$(grep -h state_hash "$tmp"/*.json)"
+
+# --record: what a run kept replays to the same bits, also as an ordinary log; a run that is killed leaves a log.
+hash_of() { sed -n 's/.*"state_hash": "\(.*\)".*/\1/p' "$1"; }
+"$gloved" --fcu "$press?speed=0" --lcm none --duration 0.7 --record "$tmp/free.log" --summary "$tmp/free.json" > /dev/null 2>&1
+"$gloved" --fcu "trace:$tmp/free.log?speed=0" --lcm none --summary "$tmp/again.json" > "$tmp/out" 2>&1
+[ -n "$(hash_of "$tmp/free.json")" ] && [ "$(hash_of "$tmp/free.json")" = "$(hash_of "$tmp/again.json")" ] && [ "$(grep -c ' 090##' "$tmp/free.log")" -ge 700 ]
+verdict record_replays_to_the_same_state $? "$(hash_of "$tmp/free.json") $(hash_of "$tmp/again.json")"
+"$gloved" --fcu "$press" --lcm none --record "$tmp/killed.log" > /dev/null 2>&1 & pid=$!
+for i in $(seq 100); do [ "$(grep -c ' 110##' "$tmp/killed.log" 2>/dev/null)" -ge 300 ] && break; sleep 0.05; done
+kill -KILL "$pid"; wait "$pid" 2>/dev/null
+"$gloved" --fcu "trace:$tmp/killed.log?speed=0" --lcm none --summary "$tmp/killed.json" > "$tmp/out" 2>&1 && grep -qE '"steps": [0-9]{3}' "$tmp/killed.json"
+verdict a_killed_run_leaves_a_readable_record $? "$(cat "$tmp/out")"
 
 "$gloved" --fcu "$press?glove_hz_min=12&glove_hz_max=12&speed=0" --lcm none --duration 0.5 --summary "$tmp/fault.json" > "$tmp/out" 2> "$tmp/err"; code=$?
 [ "$code" -eq 1 ] && grep -q 'fault: glove data too old' "$tmp/err" && grep -q '"exit_reason": "fault"' "$tmp/fault.json" && grep -qF '"force_final_n": [0, 0, 0, 0, 0]' "$tmp/fault.json"

@@ -53,7 +53,8 @@ static void add_relaxed(_Atomic uint64_t *counter, uint64_t amount) {
 // that one step can have to tell.
 static void wait_for_space(const gv_loop *loop) {
   while (gv_ring_space(&loop->snapshots) < 1 || gv_ring_space(&loop->records) < RECORDS_A_STEP ||
-         gv_ring_space(&loop->steps) < STEP_RECORDS_A_STEP)
+         gv_ring_space(&loop->steps) < STEP_RECORDS_A_STEP ||
+         gv_ring_space(&loop->frames) < GV_LOOP_FRAMES + 1)
     sleep_until(clock_ns(CLOCK_MONOTONIC) + 200000);
 }
 
@@ -87,6 +88,17 @@ static void report_events(gv_loop *loop) {
   if (session->safety.state == loop->state_reported) return;
   push_record(loop, GV_RECORD_STATE, session->safety.faults);
   loop->state_reported = session->safety.state;
+}
+
+// Where the slow thread is more than 3 s behind, the rest is dropped and counted.
+static void record_frames(gv_loop *loop, const gv_frame *frame, int count) {
+  for (int i = 0; loop->cfg.record && i < count; i++) {
+    gv_frame *recorded = gv_ring_reserve(&loop->frames);
+    if (!recorded) continue;
+    *recorded = frame[i];
+    recorded->stamp_ns = loop->step_ns;
+    gv_ring_commit(&loop->frames);
+  }
 }
 
 static void push_snapshot(gv_loop *loop) {
@@ -178,6 +190,7 @@ static void ramp_down(gv_loop *loop) {
     loop->now_ns += loop->cfg.period_ns;
     zeros += gv_session_stop(loop->session, loop->now_ns, &command) ? 1 : 0;
     loop->driver->send(loop->driver->self, &command, 1);
+    record_frames(loop, &command, 1);
     deadline_ns += loop->cfg.period_ns;
     if (loop->cfg.pace != GV_PACE_FREE) sleep_until(deadline_ns);
   }
@@ -199,7 +212,8 @@ static gv_exit run(gv_loop *loop) {
     if (pace == GV_PACE_FREE) wait_for_space(loop);
     else sleep_until(deadline_ns);
     const int64_t start_ns = clock_ns(CLOCK_MONOTONIC);
-    loop->now_ns = pace == GV_PACE_LIVE ? start_ns : step * loop->cfg.period_ns;
+    loop->step_ns = step * loop->cfg.period_ns;
+    loop->now_ns = pace == GV_PACE_LIVE ? start_ns : loop->step_ns;
     const int count = driver->poll(driver->self, loop->now_ns, loop->frame, GV_LOOP_FRAMES);
     const int64_t polled_ns = clock_ns(CLOCK_MONOTONIC);
     obey_requests(loop);
@@ -209,6 +223,8 @@ static gv_exit run(gv_loop *loop) {
     const int64_t computed_ns = clock_ns(CLOCK_MONOTONIC);
     driver->send(driver->self, &command, 1);
     const int64_t sent_ns = clock_ns(CLOCK_MONOTONIC);
+    record_frames(loop, loop->frame, count);
+    record_frames(loop, &command, 1);
     tell(loop, step);
     if (step == 0) watch_faults(loop);
     const int64_t done_ns = clock_ns(CLOCK_MONOTONIC);
@@ -252,6 +268,7 @@ void gv_loop_init(gv_loop *loop, const gv_loop_config *cfg, gv_session *session,
   gv_ring_init(&loop->records, loop->record_slot, sizeof loop->record_slot[0], GV_LOOP_RECORDS);
   gv_ring_init(&loop->steps, loop->step_slot, sizeof loop->step_slot[0], GV_LOOP_STEPS);
   gv_ring_init(&loop->requests, loop->request_slot, sizeof loop->request_slot[0], GV_LOOP_REQUESTS);
+  gv_ring_init(&loop->frames, loop->recorded_slot, sizeof loop->recorded_slot[0], GV_LOOP_RECORDED);
 }
 
 int gv_loop_start(gv_loop *loop) {

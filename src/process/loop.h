@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // The real-time loop: one thread, one absolute deadline per period. It never prints, blocks or
-// allocates; what it has to tell goes into two rings that the slow thread empties.
+// allocates; what it has to tell goes into three rings that the slow thread empties.
 //
 //   live   time is CLOCK_MONOTONIC; the devices run by themselves (udp:)
 //   paced  time is step number x period, slept for in real time: a recording or a simulated device gives the
@@ -24,6 +24,7 @@ enum {
   GV_LOOP_STEPS = 2048,      // 2 s of step records at 1 kHz; 0.9 kB each, only while GLOVED_TRACE is wanted
   GV_LOOP_REQUESTS = 16,
   GV_LOOP_FRAMES = 256,      // frames taken per period: what a device of 1 kHz sends in 64 ms; the rest waits
+  GV_LOOP_RECORDED = 16384,  // frames in and out for --record: 3 s at 5 a period of 1 kHz; 88 B each
   GV_SNAPSHOT_HZ = 50
 };
 
@@ -31,6 +32,7 @@ typedef struct gv_loop_config {
   int64_t period_ns;
   int64_t periods_max;       // skipped ones count in live pace; 0: until the driver ends or a signal comes
   gv_pace pace;
+  bool record;               // every frame goes into the ring `frames`
   gv_realtime_config realtime;
 } gv_loop_config;
 
@@ -58,7 +60,7 @@ typedef struct gv_loop {
   gv_page_faults page_faults;        // likewise
   gv_safety_state state_before_stop; // of the safety machine when the loop began to end
   uint32_t faults_before_stop;
-  gv_ring snapshots, records, steps; // to the slow thread
+  gv_ring snapshots, records, steps, frames; // to the slow thread
   gv_ring requests;                  // from the slow thread
   atomic_bool trace;                 // set by the slow thread: step records are wanted
   // The loop's own.
@@ -66,6 +68,7 @@ typedef struct gv_loop {
   unsigned overruns_now;             // periods skipped just before this step
   int64_t wall_us;                   // us since 1970 when session time was 0
   int64_t now_ns;                    // session time of this step
+  int64_t step_ns;                   // its number x period
   uint32_t events;                   // engine events since the last snapshot
   gv_safety_state state_reported;
   bool other_hand_reported;
@@ -75,9 +78,10 @@ typedef struct gv_loop {
   gv_record record_slot[GV_LOOP_RECORDS];
   gv_step_record step_slot[GV_LOOP_STEPS];
   gv_request request_slot[GV_LOOP_REQUESTS];
+  gv_frame recorded_slot[GV_LOOP_RECORDED];
 } gv_loop;
 
-// `loop` zeroed, its memory present (some 2.7 MB). `stop` may be set from a signal handler.
+// `loop` zeroed, its memory present (some 4.1 MB). `stop` may be set from a signal handler.
 void gv_loop_init(gv_loop *loop, const gv_loop_config *cfg, gv_session *session, gv_driver *driver, int object_count,
                   atomic_bool *stop);
 // Locks memory as configured and starts the thread. 0, or the errno of pthread_create.

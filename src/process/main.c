@@ -31,6 +31,7 @@ typedef struct program {
   gv_driver driver;
   gv_pace pace;
   gv_telemetry *telemetry;
+  gv_recorder recorder;
   FILE *summary_file;        // null: not asked for
   gv_session session;
   gv_loop loop;
@@ -97,12 +98,17 @@ static int open_summary(program *p) {
   return -1;
 }
 
+static int open_recorder(program *p) {
+  if (!p->options.record || p->options.check) return 0;
+  return gv_recorder_open(&p->recorder, p->options.record, p->settings.fcu, p->err, sizeof p->err);
+}
+
 static int set_up(program *p) {
   if (gv_options_settings(&p->options, &p->settings, p->err, sizeof p->err)) return -1;
   if (open_world(p)) return -1;
   if (gv_device_open(&p->settings, &p->driver, &p->pace, p->err, sizeof p->err)) return -1;
   if (p->err[0]) fprintf(stderr, "gloved: %s\n", p->err);
-  if (open_telemetry(p)) return -1;
+  if (open_telemetry(p) || open_recorder(p)) return -1;
   return open_summary(p);
 }
 
@@ -118,6 +124,7 @@ static void start_loop(program *p) {
     .period_ns = (int64_t)(1e9 / settings->rate_hz + 0.5),
     .periods_max = (int64_t)(p->options.duration_s * settings->rate_hz + 0.5),
     .pace = p->pace,
+    .record = p->recorder.file != NULL,
     .realtime = p->pace == GV_PACE_FREE ? none : realtime,
   };
   gv_session_init(&p->session, &session, p->engine);
@@ -134,7 +141,7 @@ static int run(program *p) {
     fprintf(stderr, "gloved: the real-time thread does not start; close other programs\n");
     return BAD_INPUT;
   }
-  gv_slow_run(&p->loop, p->telemetry, &p->view);
+  gv_slow_run(&p->loop, p->telemetry, &p->recorder, &p->view);
   gv_loop_join(&p->loop);
   gv_view_close(&p->view);
   return OK;
@@ -170,6 +177,16 @@ static void say_what_was_found(const program *p) {
   printf("all sound\n");
 }
 
+// 0, or negative where frames are missing in the recording.
+static int close_recorder(program *p) {
+  const uint64_t dropped = gv_ring_dropped(&p->loop.frames);
+  const bool recording = p->recorder.file != NULL;
+  if (gv_recorder_close(&p->recorder) == 0 && dropped == 0) return 0;
+  if (recording) fprintf(stderr, "gloved: %s: %s; make room on a faster disk\n", p->options.record,
+                         dropped ? "frames are missing" : "not written");
+  return -1;
+}
+
 static void tear_down(program *p) {
   if (p->telemetry) gv_telemetry_close(p->telemetry);
   if (p->driver.close) p->driver.close(p->driver.self);
@@ -177,7 +194,7 @@ static void tear_down(program *p) {
 }
 
 int main(int argc, char **argv) {
-  static program p;          // 1 MB
+  static program p;          // 4 MB
   int code = BAD_INPUT;
   if (gv_options_parse(argc, argv, &p.options, p.err, sizeof p.err)) {
     fprintf(stderr, "gloved: %s\n", p.err);
@@ -194,6 +211,7 @@ int main(int argc, char **argv) {
     code = OK;
   } else if ((code = run(&p)) == OK) {
     code = report(&p);
+    if (close_recorder(&p) && code == OK) code = BAD_INPUT;
   }
   tear_down(&p);
   return code;

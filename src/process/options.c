@@ -61,7 +61,8 @@ int gv_options_parse(int argc, char **argv, gv_options *out, char *err, size_t e
     {"--rate", NULL, &out->rate_hz, NULL, GV_RATE_MIN_HZ, GV_RATE_MAX_HZ},
     {"--duration", NULL, &out->duration_s, NULL, 0.001, 1e6},
     {"--lcm", &out->lcm, NULL, NULL, 0, 0},         {"--log", &out->log, NULL, NULL, 0, 0},
-    {"--summary", &out->summary, NULL, NULL, 0, 0}, {"--no-rt", NULL, NULL, &out->no_rt, 0, 0},
+    {"--summary", &out->summary, NULL, NULL, 0, 0}, {"--record", &out->record, NULL, NULL, 0, 0},
+    {"--no-rt", NULL, NULL, &out->no_rt, 0, 0},
     {"--check", NULL, NULL, &out->check, 0, 0},     {"--help", NULL, NULL, &out->help, 0, 0},
     {"--version", NULL, NULL, &out->version, 0, 0},
   };
@@ -131,6 +132,7 @@ const char *gv_options_help(void) {
     "  --duration S      end after S seconds\n"
     "  --lcm URL|none    where to publish (udpm://239.255.76.67:7667?ttl=0)\n"
     "  --log FILE.lcm    write what is published into a log, too\n"
+    "  --record FILE     write every frame in and out as a candump -L log; --fcu trace:FILE replays it\n"
     "  --summary FILE    write results and timing as JSON at exit\n"
     "  --no-rt           ordinary scheduling and memory\n"
     "  --check           load and check everything, say what was found, and end\n"

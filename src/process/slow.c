@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// Everything that may block or take long: publishing, the log, the view. It sleeps 2 ms between looks at
+// Everything that may block or take long: publishing, the logs, the view. It sleeps 2 ms between looks at
 // the rings (a futex would cost the real-time thread a system call for each snapshot).
 #include "slow.h"
 
@@ -25,10 +25,11 @@ static void report_refusals(const gv_loop *loop, bool *reported) {
   fprintf(stderr, "gloved: %s\n", text);
 }
 
-static void empty_rings(gv_loop *loop, gv_telemetry *telemetry, gv_view *view) {
+static void empty_rings(gv_loop *loop, gv_telemetry *telemetry, gv_recorder *recorder, gv_view *view) {
   const gv_record *record;
   const gv_snapshot *snapshot;
   const gv_step_record *step;
+  gv_recorder_drain(recorder, &loop->frames);
   while ((record = gv_ring_peek(&loop->records))) {
     gv_telemetry_record(telemetry, record);
     gv_view_record(view, record);
@@ -45,15 +46,15 @@ static void empty_rings(gv_loop *loop, gv_telemetry *telemetry, gv_view *view) {
   }
 }
 
-void gv_slow_run(gv_loop *loop, gv_telemetry *telemetry, gv_view *view) {
+void gv_slow_run(gv_loop *loop, gv_telemetry *telemetry, gv_recorder *recorder, gv_view *view) {
   const struct timespec pause = {0, SLEEP_NS};
   bool reported = false;
   while (gv_loop_running(loop)) {
     report_refusals(loop, &reported);
-    empty_rings(loop, telemetry, view);
+    empty_rings(loop, telemetry, recorder, view);
     gv_telemetry_listen(telemetry, clock_ns());
     nanosleep(&pause, NULL);
   }
   report_refusals(loop, &reported);
-  empty_rings(loop, telemetry, view);
+  empty_rings(loop, telemetry, recorder, view);
 }
