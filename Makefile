@@ -76,6 +76,20 @@ traces: $(B)/gloved $(B)/fcusim
 bench-accuracy: $(B)/test/test_narrow
 	$(Q)GV_POSES=1000000 $<
 
+## bench: time of every step per scene, side by side with the peers; writes data/bench/ (BENCH=NAME: one scene)
+bench: bench-peers
+	$(Q)$(MAKE) --no-print-directory $(B)/test/bench_engine $(B)/test/bench_mujoco
+	$(Q)build/venv-bench/bin/python test/bench.py $(B) $(BENCH)
+
+## bench-peers: install what the engine is measured against: MuJoCo, Bullet, coal
+bench-peers: build/venv-bench/.done
+build/venv-bench/.done: build/.test-packages
+	$(Q)tools/packages valgrind g++ libeigen3-dev
+	@echo "  VENV build/venv-bench"
+	$(Q)python3 -m venv build/venv-bench
+	$(Q)build/venv-bench/bin/pip install -q --disable-pip-version-check mujoco pybullet coal numpy matplotlib
+	@touch $@
+
 ## layers: check that no include or call crosses a wall (also part of the tests)
 layers:
 	$(Q)sh test/test_layers.sh
@@ -126,6 +140,15 @@ $(TOOLS:%=$(B)/%): $(B)/%: $(B)/tools/%.o $(LIB)
 	@echo "  LD   $@"
 	$(Q)$(CC) $(LDFLAGS) $(filter-out $(LIB),$^) $(LIB) $(LDLIBS) -o $@
 $(B)/gloved-trace: $(call OBJ,$(wildcard tools/trace/*.c))
+# Benchmarks: clocks around the step's parts, by way of the linker; the peers from their own packages.
+$(B)/test/bench_engine: $(B)/test/bench_engine.o $(LIB)
+	@mkdir -p $(@D)
+	$(Q)$(CC) $(LDFLAGS) -Wl,--wrap=gv_engine_collide,--wrap=gv_dynamics_step $^ $(LDLIBS) -o $@
+MUJOCO   = $(firstword $(wildcard build/venv-bench/lib/python3*/site-packages/mujoco))
+$(B)/test/bench_mujoco: test/bench_mujoco.c $(LIB) build/venv-bench/.done
+	@mkdir -p $(@D)
+	$(Q)$(CC) -std=c11 -O2 -D_GNU_SOURCE -Iinclude -isystem $(MUJOCO)/include $< $(LIB) $(wildcard $(MUJOCO)/libmujoco.so.*) \
+	  -Wl,-rpath,$(abspath $(MUJOCO)) -lm -o $@
 $(TESTS:%=$(B)/test/%): $(B)/test/%: $(B)/test/%.o $(LIB)
 	@mkdir -p $(@D)
 	$(Q)$(CC) $(LDFLAGS) $^ $(LDLIBS) -o $@
@@ -138,5 +161,5 @@ clean:
 help:
 	@sed -n 's/^## //p' $(MAKEFILE_LIST)
 
-.PHONY: run test all bench-accuracy golden traces layers fuzz clean help
+.PHONY: run test all bench bench-peers bench-accuracy golden traces layers fuzz clean help
 -include $(shell find $(B) -name '*.d' 2>/dev/null)

@@ -1,0 +1,209 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Benchmark: per scene the time of collision, dynamics and the whole step, instructions per step, and the same hand
+and objects in MuJoCo and Bullet, alternating in blocks of half a second of simulation so that all feel the same machine.
+Writes data/bench/steps.csv and data/bench/steps.png. Usage: bench.py BUILD [SCENE...]; `make bench` calls it."""
+import csv
+import glob
+import json
+import os
+import re
+import subprocess
+import sys
+
+import matplotlib
+import numpy as np
+
+from bench_bullet import Bullet
+
+matplotlib.use("Agg")
+import matplotlib.pyplot as plt  # noqa: E402 (after the choice of the canvas)
+
+BLOCK = 500  # steps
+WORK = "build/bench"
+
+
+def read_expected(path):
+    found = {}
+    for line in open(path):
+        word = line.split()
+        if word and word[0] in ("scene", "object", "hold_s"):
+            found[word[0]] = word[1:]
+    return found
+
+
+def list_scenes(names):
+    """Each trace with its scene; scenes that a trace is missing for come from the simulated user."""
+    rows = []
+    for path in sorted(glob.glob("data/traces/*/expected")):
+        folder, what = os.path.dirname(path), read_expected(path)
+        scene = what["scene"][0]
+        if os.path.exists(scene):
+            rows.append((os.path.basename(folder), scene, f"trace:{folder}/input.log.gz?speed=0", what["object"][0],
+                         [float(t) for t in what["hold_s"]]))
+    if not any(r[1].endswith("frame.scene") for r in rows):
+        rows.append(("bar_frame", "data/scenes/frame.scene", "sim:data/scripts/bar_frame.user", "frame", [5.5, 14.5]))
+    return [r for r in rows if not names or r[0] in names]
+
+
+class Program:
+    """bench_engine or bench_mujoco behind pipes."""
+
+    def __init__(self, *command):
+        self.process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+
+    def line(self):
+        text = self.process.stdout.readline()
+        if not text:
+            sys.exit(f"bench: {self.process.args[0]} ended")
+        return text
+
+    def run(self, first, count):
+        self.process.stdin.write(f"{first} {count}\n".encode())
+        self.process.stdin.flush()
+        size = count * 8 * 8
+        data = self.process.stdout.read(size)
+        if len(data) != size:
+            sys.exit(f"bench: {self.process.args[0]} ended")
+        return np.frombuffer(data).reshape(count, 8)
+
+    def close(self):
+        self.process.stdin.close()
+        self.process.wait()
+
+
+# ---- MuJoCo's model -----------------------------------------------------------------------------------------------
+def numbers(values):
+    return " ".join(f"{v:.17g}" for v in values)
+
+
+def is_box(points):
+    points = np.array(points)
+    return len(points) == 8 and np.allclose(np.abs(points), np.abs(points).max(0), atol=1e-12)
+
+
+def mujoco_model(scene):
+    """Elliptic cones, impratio 10, noslip 3, solref .002: the settings at which MuJoCo slips least."""
+    assets, bodies = [], []
+    for i, limb in enumerate(scene["limbs"]):
+        r, half = limb["radius"], limb["half"]
+        shape = (f'type="capsule" size="{r:.17g} {half[0]:.17g}" euler="0 90 0"' if i < 15 else
+                 f'type="box" size="{numbers([h + r for h in half])}"')
+        inertia = numbers([limb["inertia"]] * 3)
+        bodies.append(f'<body name="limb{i}" pos="0 0 {10 + i}"><freejoint/><inertial pos="0 0 0" mass="{limb["mass"]:.17g}" '
+                      f'diaginertia="{inertia}"/><geom {shape} friction="{scene["mu_hand"]} 0 0" contype="2" conaffinity="1"/></body>')
+    for o in scene["objects"]:
+        geoms = []
+        for k, piece in enumerate(o["pieces"]):
+            common = f'friction="{o["mu"]} 0 0" contype="1" conaffinity="3"'
+            if is_box(piece):
+                geoms.append(f'<geom type="box" size="{numbers(np.abs(np.array(piece)).max(0))}" {common}/>')
+            else:
+                mesh = f'{o["name"]}{k}'
+                assets.append(f'<mesh name="{mesh}" vertex="{numbers(np.array(piece).ravel())}" inertia="convex"/>')
+                geoms.append(f'<geom type="mesh" mesh="{mesh}" {common}/>')
+        inertial = "" if o["static"] else (f'<freejoint/><inertial pos="0 0 0" mass="{o["mass"]:.17g}" '
+                                           f'fullinertia="{numbers(o["inertia"])}"/>')
+        bodies.append(f'<body name="{o["name"]}" pos="{numbers(o["position"])}" quat="{numbers(o["quaternion"])}">'
+                      f'{inertial}{"".join(geoms)}</body>')
+    newline = "\n"
+    return (f'<mujoco><compiler angle="degree" balanceinertia="true"/><option timestep="0.001" gravity="{numbers(scene["gravity"])}" cone="elliptic" '
+            f'impratio="10" noslip_iterations="3"/><default><geom condim="3" solref=".002 1"/></default>\n'
+            f'<asset>{newline.join(assets)}</asset>\n<worldbody>{newline.join(bodies)}</worldbody></mujoco>\n')
+
+
+# ---- one scene ----------------------------------------------------------------------------------------------------
+def instructions_per_step(build, row, first=7000, count=1000):
+    """Counted by callgrind over one second in which the object is held."""
+    command = ["valgrind", "--tool=callgrind", "--toggle-collect=gv_bench_counted_step", f"--callgrind-out-file={WORK}/callgrind.out",
+               f"{build}/test/bench_engine", row[2], row[1], row[3], "-", str(first), str(count)]
+    run = subprocess.run(command, capture_output=True, text=True)
+    found = re.search(r"Collected : (\d+)", run.stderr)
+    if not found:
+        sys.exit(f"bench: callgrind: {run.stderr}")
+    return round(int(found.group(1)) / count)
+
+
+def slip_mm(records, hold):
+    a, b = (int(t * 1000) for t in hold)
+    in_palm = records[a:b, 4:7]
+    if records[a:b, 7].min() < records[100, 7] + 0.02:
+        return float("nan")  # not in the air: dropped, or never lifted
+    return 1e3 * np.linalg.norm(in_palm - in_palm[0], axis=1).max()
+
+
+def run_blocks(runners, steps):
+    parts = {name: [] for name in runners}
+    for first in range(0, steps, BLOCK):
+        for name, runner in runners.items():
+            parts[name].append(runner.run(first, min(BLOCK, steps - first)))
+    return {name: np.concatenate(p) for name, p in parts.items()}
+
+
+def open_peers(build, scene, drivers, row):
+    model = f"{WORK}/{row[0]}.xml"
+    open(model, "w").write(mujoco_model(scene))
+    return {"mujoco": Program(f"{build}/test/bench_mujoco", model, drivers, row[3]), "bullet": Bullet(scene, drivers, row[3])}
+
+
+def figures(name, what, micros):
+    at = np.percentile(micros, [50, 99, 99.9, 100])
+    return [name, what] + [f"{v:.2f}" for v in at]
+
+
+def bench_scene(build, row):
+    name, scene_path, url, obj, hold = row
+    drivers = f"{WORK}/{name}.drivers"
+    engine = Program(f"{build}/test/bench_engine", url, scene_path, obj, drivers)
+    scene = json.loads(engine.line())
+    runners = {"gloved": engine, **open_peers(build, scene, drivers, row)}
+    records = run_blocks(runners, scene["steps"])
+    engine.close()
+    rows, held = [], slice(*(int(t * 1000) for t in hold))
+    ours = records["gloved"]
+    placed = ours[:, 2] > 0
+    for k, part in enumerate(("whole", "collision", "dynamics")):
+        rows.append(figures(name, f"gloved {part}", ours[placed, k]) + ["", "", ""])
+    rows[0][6:] = [f"{slip_mm(ours, hold):.4f}", "1.00", ""]
+    rows[0][8] = str(instructions_per_step(build, row))
+    for peer in list(records)[1:]:
+        # Ratio of the medians while the object is held.
+        ratio = np.median(records[peer][held, 0]) / np.median(ours[held, 0])
+        rows.append(figures(name, peer, records[peer][placed, 0]) + [f"{slip_mm(records[peer], hold):.4f}", f"{ratio:.2f}", ""])
+    for r in rows:
+        print("  ".join(f"{v:>10}" if i > 1 else f"{v:<16}" for i, v in enumerate(r)), flush=True)
+    return rows
+
+
+def draw(rows, path):
+    whole = [r for r in rows if r[1] in ("gloved whole", "mujoco", "bullet")]
+    names = list(dict.fromkeys(r[0] for r in whole))
+    fig, ax = plt.subplots(figsize=(8, 4))
+    for k, what in enumerate(("gloved whole", "mujoco", "bullet")):
+        mine = [r for r in whole if r[1] == what]
+        ax.bar([names.index(r[0]) + 0.27 * (k - 1) for r in mine], [float(r[2]) for r in mine], 0.25, label=what.replace(" whole", ""))
+        ax.plot([names.index(r[0]) + 0.27 * (k - 1) for r in mine], [float(r[3]) for r in mine], "k_")
+    ax.set_xticks(range(len(names)), names)
+    ax.set_ylabel("us a step: median, dash p99")
+    ax.set_yscale("log")
+    ax.legend()
+    fig.tight_layout()
+    fig.savefig(path, dpi=110)
+
+
+HEAD = ["scene", "what", "median_us", "p99_us", "p999_us", "max_us", "slip_mm", "ratio", "instructions"]
+
+
+def main():
+    build, names = sys.argv[1], sys.argv[2:]
+    os.makedirs(WORK, exist_ok=True)
+    os.makedirs("data/bench", exist_ok=True)
+    print("  ".join(f"{v:>10}" if i > 1 else f"{v:<16}" for i, v in enumerate(HEAD)))
+    rows = [r for row in list_scenes(names) for r in bench_scene(build, row)]
+    if names:
+        return
+    with open("data/bench/steps.csv", "w", newline="") as f:
+        csv.writer(f, lineterminator="\n").writerows([HEAD] + rows)
+    draw(rows, "data/bench/steps.png")
+
+
+main()
