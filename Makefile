@@ -61,7 +61,7 @@ test: build/.test-packages build/venv/.done
 	$(Q)B=$(B) test/run
 
 ## all: build the daemon, the tools and the tests
-all: $(patsubst src/process/main.c,$(B)/gloved,$(wildcard src/process/main.c)) $(TOOLS:%=$(B)/%) $(TESTS:%=$(B)/test/%)
+all: $(patsubst src/process/main.c,$(B)/gloved,$(wildcard src/process/main.c)) $(TOOLS:%=$(B)/%) $(TESTS:%=$(B)/test/%) $(B)/test/bench_engine
 
 ## golden: write the traces' golden hashes anew (then say in the commit why they changed)
 golden: $(B)/test/test_replay
@@ -78,7 +78,7 @@ bench-accuracy: $(B)/test/test_narrow
 
 ## bench: time of every step per scene, side by side with the peers; writes data/bench/ (BENCH=NAME: one scene)
 bench: bench-peers
-	$(Q)$(MAKE) --no-print-directory $(B)/test/bench_engine $(B)/test/bench_mujoco
+	$(Q)$(MAKE) --no-print-directory $(B)/test/bench_engine $(B)/test/bench_mujoco $(B)/test/bench_pairs
 	$(Q)build/venv-bench/bin/python test/bench.py $(B) $(BENCH)
 
 ## bench-peers: install what the engine is measured against: MuJoCo, Bullet, coal
@@ -149,6 +149,11 @@ $(B)/test/bench_mujoco: test/bench_mujoco.c $(LIB) build/venv-bench/.done
 	@mkdir -p $(@D)
 	$(Q)$(CC) -std=c11 -O2 -D_GNU_SOURCE -Iinclude -isystem $(MUJOCO)/include $< $(LIB) $(wildcard $(MUJOCO)/libmujoco.so.*) \
 	  -Wl,-rpath,$(abspath $(MUJOCO)) -lm -o $@
+CMEEL    = $(firstword $(wildcard build/venv-bench/lib/python3*/site-packages/cmeel.prefix))
+$(B)/test/bench_pairs: $(B)/test/bench_pairs.o test/bench_coal.cc test/bench_coal.h $(LIB) build/venv-bench/.done
+	@mkdir -p $(@D)
+	$(Q)g++ -std=c++17 -O2 -isystem $(CMEEL)/include -isystem /usr/include/eigen3 \
+	  test/bench_coal.cc $< $(LIB) $(CMEEL)/lib/libcoal.so -Wl,-rpath,$(abspath $(CMEEL))/lib -lccd -lm -o $@
 $(TESTS:%=$(B)/test/%): $(B)/test/%: $(B)/test/%.o $(LIB)
 	@mkdir -p $(@D)
 	$(Q)$(CC) $(LDFLAGS) $^ $(LDLIBS) -o $@

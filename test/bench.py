@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Benchmark: per scene the time of collision, dynamics and the whole step, instructions per step, and the same hand
 and objects in MuJoCo and Bullet, alternating in blocks of half a second of simulation so that all feel the same machine.
-Writes data/bench/steps.csv and data/bench/steps.png. Usage: bench.py BUILD [SCENE...]; `make bench` calls it."""
+Then the growth with idle objects, and the
+narrow phase per pair beside coal. Writes data/bench/*.csv and data/bench/bench.png. Usage: bench.py BUILD [SCENE...]; `make bench` calls it."""
 import csv
 import glob
 import json
@@ -145,6 +146,47 @@ def open_peers(build, scene, drivers, row):
     return {"mujoco": Program(f"{build}/test/bench_mujoco", model, drivers, row[3]), "bullet": Bullet(scene, drivers, row[3])}
 
 
+def bench_pairs(build):
+    """Narrow phase per pair beside coal; the table goes to data/bench/pairs.csv."""
+    run = subprocess.run([f"{build}/test/bench_pairs"], capture_output=True, text=True)
+    if run.returncode:
+        sys.exit(f"bench: bench_pairs: {run.stderr}")
+    rows = list(csv.reader(run.stdout.splitlines()))
+    for r in rows:
+        print("  ".join(f"{v:>16}" for v in r), flush=True)
+    return rows
+
+
+IDLE_BOX = """  {{ name = "idle{0}"; mass = 0.2; box = [0.03, 0.03, 0.03]; position = [{1:.3f}, {2:.3f}, 0.015]; }}"""
+
+
+def scene_with_idle(count):
+    """The box on its table, and `count` small boxes at rest around it, out of the hand's way."""
+    text = open("data/scenes/box.scene").read()
+    place = [(0.25 + 0.05 * (i // 12), -0.33 + 0.06 * (i % 12)) for i in range(count)]
+    boxes = ",\n".join(IDLE_BOX.format(i, x, y) for i, (x, y) in enumerate(place))
+    path = f"{WORK}/idle{count}.scene"
+    open(path, "w").write(text.rstrip().removesuffix(");") + ("," + boxes if boxes else "") + "\n);\n")
+    return path
+
+
+def bench_idle(build):
+    """How much a step grows with objects that nobody touches: alternating blocks, median while the box is held."""
+    url, counts = "trace:data/traces/power_box/input.log.gz?speed=0", [0, 1, 4, 16, 32, 62]
+    runners = {n: Program(f"{build}/test/bench_engine", url, scene_with_idle(n), "box", f"{WORK}/idle.drivers") for n in counts}
+    steps = min(json.loads(r.line())["steps"] for r in runners.values())
+    records = run_blocks(runners, steps)
+    rows = [["idle", "median_us", "p99_us", "ratio"]]
+    base = np.median(records[1][6000:14000, 0])
+    for n in counts:
+        held = records[n][6000:14000, 0]
+        rows.append([n, f"{np.median(held):.2f}", f"{np.percentile(held, 99):.2f}", f"{np.median(held) / base:.2f}"])
+        print("  ".join(f"{v:>10}" for v in rows[-1]), flush=True)
+    for r in runners.values():
+        r.close()
+    return rows
+
+
 def figures(name, what, micros):
     at = np.percentile(micros, [50, 99, 99.9, 100])
     return [name, what] + [f"{v:.2f}" for v in at]
@@ -174,20 +216,42 @@ def bench_scene(build, row):
     return rows
 
 
-def draw(rows, path):
-    whole = [r for r in rows if r[1] in ("gloved whole", "mujoco", "bullet")]
-    names = list(dict.fromkeys(r[0] for r in whole))
-    fig, ax = plt.subplots(figsize=(8, 4))
-    for k, what in enumerate(("gloved whole", "mujoco", "bullet")):
-        mine = [r for r in whole if r[1] == what]
-        ax.bar([names.index(r[0]) + 0.27 * (k - 1) for r in mine], [float(r[2]) for r in mine], 0.25, label=what.replace(" whole", ""))
-        ax.plot([names.index(r[0]) + 0.27 * (k - 1) for r in mine], [float(r[3]) for r in mine], "k_")
-    ax.set_xticks(range(len(names)), names)
+def draw_steps(ax, rows):
+    kinds = ("gloved whole", "mujoco", "bullet")
+    names = list(dict.fromkeys(r[0] for r in rows))
+    for k, what in enumerate(kinds):
+        mine = [r for r in rows if r[1] == what]
+        at = [names.index(r[0]) + 0.27 * (k - 1) for r in mine]
+        ax.bar(at, [float(r[2]) for r in mine], 0.25, label=what.replace(" whole", ""))
+        ax.plot(at, [float(r[3]) for r in mine], "k_")
+    ax.set_xticks(range(len(names)), names, rotation=30, ha="right")
     ax.set_ylabel("us a step: median, dash p99")
     ax.set_yscale("log")
     ax.legend()
-    fig.tight_layout()
-    fig.savefig(path, dpi=110)
+
+
+def draw_growth(ax, pairs):
+    hulls = [r for r in pairs if re.fullmatch(r"limb-hull\d+", r[0])]
+    at = [int(r[0][9:]) for r in hulls]
+    for column, what in ((1, "gloved distance"), (2, "coal distance"), (4, "gloved manifold"), (5, "coal contact")):
+        ax.plot(at, [float(r[column]) for r in hulls], "o-", label=what)
+    ax.set_xscale("log")
+    ax.set_xlabel("vertices of the hull that a limb touches")
+    ax.set_ylabel("ns a pair")
+    ax.set_ylim(bottom=0)
+    ax.legend()
+
+
+def draw_idle(ax, idle):
+    ax.plot([int(r[0]) for r in idle], [float(r[1]) for r in idle], "o-")
+    ax.set_xlabel("idle objects beside the grasp")
+    ax.set_ylabel("us a step, median")
+    ax.set_ylim(bottom=0)
+
+
+def save(name, rows):
+    with open(f"data/bench/{name}.csv", "w", newline="") as f:
+        csv.writer(f, lineterminator="\n").writerows(rows)
 
 
 HEAD = ["scene", "what", "median_us", "p99_us", "p999_us", "max_us", "slip_mm", "ratio", "instructions"]
@@ -201,9 +265,17 @@ def main():
     rows = [r for row in list_scenes(names) for r in bench_scene(build, row)]
     if names:
         return
-    with open("data/bench/steps.csv", "w", newline="") as f:
-        csv.writer(f, lineterminator="\n").writerows([HEAD] + rows)
-    draw(rows, "data/bench/steps.png")
+    idle, pairs = bench_idle(build), bench_pairs(build)
+    save("steps", [HEAD] + rows)
+    save("idle", idle)
+    save("pairs", pairs)
+    fig, ax = plt.subplots(1, 3, figsize=(15, 4.5))
+    draw_steps(ax[0], rows)
+    draw_growth(ax[1], pairs)
+    draw_idle(ax[2], idle[1:])
+    fig.tight_layout()
+    fig.savefig("data/bench/bench.png", dpi=100)
 
 
-main()
+if __name__ == "__main__":
+    main()
