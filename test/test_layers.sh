@@ -24,7 +24,7 @@ wall core_knows_no_process_or_driver '#include "(process|drivers)/|#include "glo
 wall drivers_know_no_engine '#include "gloved/(engine|narrow|scene|shape|safety)\.h"|process/' $drivers
 only one_file_knows_ode '#include <ode/' 'src/dynamics\.c'
 only one_file_knows_ccd '#include <ccd/' 'src/narrow_simplex\.c'
-only one_file_knows_lcm '#include <lcm/|#include "gloved_.*_t\.h"' 'src/process/telemetry\.c'
+only one_file_knows_lcm '#include <lcm/|#include "gloved_.*_t\.h"' 'src/process/telemetry\.c|tools/gloved-(top|command)\.c'
 only one_file_knows_libconfig '#include <libconfig' 'src/process/conf\.c'
 only one_file_knows_zlib '#include <zlib' 'drivers/log_file\.c'
 exit $fails

@@ -320,7 +320,8 @@ static void send_stats(gv_telemetry *telemetry, const gv_snapshot *snapshot) {
     .frames_sent = state->frames_sent, .frames_lost = state->frames_lost, .frames_bad = state->frames_bad,
     .frames_late = state->frames_late, .memory_used = (int64_t)telemetry->arena->used, .memory_peak = (int64_t)telemetry->arena->peak,
     .limb_k_f = snapshot->limb_coupling.k_f, .limb_k_t = snapshot->limb_coupling.k_t, .palm_k_f = snapshot->palm_coupling.k_f,
-    .palm_k_t = snapshot->palm_coupling.k_t, .mu_hand = snapshot->mu_hand};
+    .palm_k_t = snapshot->palm_coupling.k_t, .mu_hand = snapshot->mu_hand,
+    .force_limit_n = telemetry->loop->session->cfg.limiter.max_n};
   put_counters(telemetry, snapshot, out);
   put_histograms(&telemetry->statistics, telemetry->loop);
   send_message(telemetry, "GLOVED_STATS", out->utime, gloved_stats_t_encode(telemetry->message, 0, MESSAGE_MAX, out));
