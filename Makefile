@@ -44,6 +44,29 @@ view: build/venv-view/.done $(B)/gloved
 test-view: build/.browser-packages build/venv-view/.done $(B)/gloved
 	$(Q)PYTHON=build/venv-view/bin/python B=$(B) test/run browser
 
+## spy: lcm-spy with gloved's types (a window: needs a display)
+spy: build/types.jar
+	$(Q)tools/spy
+
+## test-spy: lcm-spy on a display in memory, its window read by OCR
+test-spy: build/.spy-test-packages build/types.jar $(B)/gloved
+	$(Q)PYTHON=python3 B=$(B) test/run spy
+
+# The types in Java, for lcm-spy.
+build/types.jar: $(wildcard data/lcm/*.lcm) | build/.spy-packages
+	@echo "  JAR  $@"
+	$(Q)rm -rf build/types-java && mkdir -p build/types-java/classes
+	$(Q)lcm-gen -j --jpath build/types-java data/lcm/*.lcm
+	$(Q)javac -nowarn -cp /usr/share/java/lcm.jar -d build/types-java/classes build/types-java/gloved/*.java
+	$(Q)jar cf $@ -C build/types-java/classes .
+build/.spy-packages: build/.run-packages
+	$(Q)tools/packages liblcm-java libjchart2d-java default-jdk
+	@touch $@
+build/.spy-test-packages: build/.spy-packages
+	$(Q)tools/packages xvfb imagemagick tesseract-ocr python3
+	@touch $@
+.PHONY: spy test-spy
+
 # Drake's viewer in the version that it was tried with, and what drives the browser in the test.
 build/venv-view/.done: build/.test-packages
 	@echo "  VENV build/venv-view (420 MB)"
