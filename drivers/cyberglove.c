@@ -47,6 +47,16 @@ static int time_at(const uint8_t *byte, int count) {
   return count > MARK + 1 && is_digit(byte[MARK]) && byte[MARK + 1] == 'S' ? MARK + 2 : MARK;
 }
 
+// Whether the last bytes could be the next frame's mark and the first digit of its time: so they are where one
+// to four bytes of this frame are missing. (With five, the digits would be no value of a sensor.)
+static bool ends_like_mark(const uint8_t *byte, int length) {
+  for (int n = 1; n <= MARK + 1; n++) {
+    const uint8_t *tail = byte + length - n;
+    if (memcmp(tail, mark, (size_t)(n < MARK ? n : MARK)) == 0 && (n <= MARK || is_digit(tail[MARK]))) return true;
+  }
+  return false;
+}
+
 static int scan_wide(int sensors, const uint8_t *byte, int count) {
   if (memcmp(byte, mark, (size_t)(count < MARK ? count : MARK)) != 0) return -1;
   if (count <= MARK) return 0;
@@ -56,7 +66,10 @@ static int scan_wide(int sensors, const uint8_t *byte, int count) {
     const int value = byte[i] << 8 | byte[i + 1];
     if (value < 1 || value > WIDE_MAX) return -1;
   }
-  return count < end ? 0 : end;
+  if (count < end) return 0;
+  if (!ends_like_mark(byte, end)) return end;
+  if (count == end) return 0;  // the next byte tells: a mark starts behind a frame that is whole
+  return byte[end] == mark[0] ? end : -1;
 }
 
 int gv_cyberglove_scan(const void *format, const uint8_t *byte, int count) {

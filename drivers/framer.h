@@ -21,7 +21,7 @@ typedef struct framer {
 } framer;
 
 // What starts at byte[0]: the length of a whole record, 0 where more bytes may make it one, -1 where not.
-// It never asks for more than FRAMER_BYTES.
+// It may look at bytes behind the record, but never asks for more than FRAMER_BYTES.
 typedef int (*framer_scan)(const void *format, const uint8_t *byte, int count);
 
 // One byte more. Returns the length of the record that it completes, which stands at f->byte until the

@@ -75,6 +75,7 @@ static gv_driver_stats pair_stats(void *self) {
   a.bad += b.bad;
   a.lost += b.lost;
   a.foreign += b.foreign + p->left_out;
+  a.link_downs += b.link_downs;
   return a;
 }
 

@@ -24,8 +24,6 @@ int serial_source_next(serial_source *s, framer_scan scan, const void *format, u
   return length;
 }
 
-gv_driver_stats serial_source_stats(const serial_source *s) { return (gv_driver_stats){.rx = s->rx, .bad = s->framer.bad_runs}; }
-
 int serial_source_open(serial_source *s, int (*set_up)(void *self, int fd), void *self) {
   char why[256];
   s->port.path = s->url.device;
@@ -47,7 +45,11 @@ bool serial_source_ended(void *self) {
   return false;
 }
 
-gv_driver_stats serial_source_driver_stats(void *self) { return serial_source_stats(self); }
+gv_driver_stats serial_source_stats(void *self) {
+  serial_source *s = self;
+  const unsigned up = atomic_load(&s->port.fd) >= 0, connections = atomic_load(&s->port.connections);
+  return (gv_driver_stats){.rx = s->rx, .bad = s->framer.bad_runs, .link_downs = connections > up ? connections - up : 0};
+}
 
 void serial_source_close(void *self) {
   serial_source *s = self;

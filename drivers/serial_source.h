@@ -29,14 +29,13 @@ bool serial_source_ready(serial_source *s, bool *may_read);
 // Takes the next record among them. Returns its length (it stands at s->framer.byte) or 0: the bytes are used
 // up. out_age_us: what the line took for it and for the bytes behind it.
 int serial_source_next(serial_source *s, framer_scan scan, const void *format, uint32_t *out_age_us);
-gv_driver_stats serial_source_stats(const serial_source *s);
 // Opens the port of s->url. 0, or negative with one line in the URL's err.
 int serial_source_open(serial_source *s, int (*set_up)(void *self, int fd), void *self);
 
 // Entries of the driver table that are the same for all; `self` starts with a serial_source.
 int serial_source_send(void *self, const gv_frame *frame, int count);
 bool serial_source_ended(void *self);
-gv_driver_stats serial_source_driver_stats(void *self);
+gv_driver_stats serial_source_stats(void *self);
 void serial_source_close(void *self);
 
 #endif
