@@ -9,6 +9,7 @@
 #include <signal.h>
 #include <stdio.h>
 #include <string.h>
+#include <sys/file.h>
 #include <sys/ioctl.h>
 #include <termios.h>
 #include <time.h>
@@ -51,11 +52,12 @@ static int set_line(int fd, int baud) {
   return tcflush(fd, TCIOFLUSH);
 }
 
-// The descriptor, or -1 with errno. O_NONBLOCK: without it, opening waits for the modem's carrier.
+// The descriptor, or -1 with errno. O_NONBLOCK: without it, opening waits for the modem's carrier. The lock keeps a
+// second reader of ours away, and goes with the process, however it ends.
 static int open_line(const serial_port *port) {
   int fd = open(port->path, O_RDWR | O_NOCTTY | O_NONBLOCK | O_CLOEXEC);
   if (fd < 0) return -1;
-  if (ioctl(fd, TIOCEXCL) == 0 && set_line(fd, port->baud) == 0) return fd;
+  if (flock(fd, LOCK_EX | LOCK_NB) == 0 && set_line(fd, port->baud) == 0) return fd;
   const int error = errno;
   close(fd);
   errno = error;
@@ -66,7 +68,7 @@ static const char *what_to_do(int error) {
   switch (error) {
     case ENOENT: case ENXIO: case ENODEV: return "plug it in, or give its name (ls /dev/tty*)";
     case EACCES: case EPERM: return "add yourself to its group: sudo adduser $USER dialout, then log in anew";
-    case EBUSY: return "end the program that holds it";
+    case EBUSY: case EWOULDBLOCK: return "end the program that holds it";
     case ENOTTY: return "give a serial device such as /dev/ttyUSB0";
     default: return "check the device and its cable";
   }
@@ -153,10 +155,9 @@ static void serve(serial_port *port, int fd) {
   take_back(port);
 }
 
-// Closing would otherwise wait for bytes that an unplugged device never takes, and lock others out for good.
+// Closing would otherwise wait for bytes that an unplugged device never takes.
 static void close_line(int fd) {
   tcflush(fd, TCIOFLUSH);
-  ioctl(fd, TIOCNXCL);
   close(fd);
 }
 

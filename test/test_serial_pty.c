@@ -290,6 +290,16 @@ static void test_silent_device(void) {
   stop();
 }
 
+static void test_one_reader_at_a_time(void) {
+  char url[128];
+  gv_driver second;
+  start(SERIAL_SIM_CYBERGLOVE, 22, "");
+  snprintf(url, sizeof url, "serial:%s?type=cyberglove", rig.link);
+  CHECK(gv_cyberglove_open(url, &cal, GV_RIGHT, &second, err, sizeof err) < 0 && strstr(err, "end the program that holds it"), "%s", err);
+  check_clean(10);
+  stop();
+}
+
 static void test_sending_goes_nowhere(void) {
   start(SERIAL_SIM_CYBERGLOVE, 22, "");
   gv_command_msg msg = {.flags = GV_COMMAND_ENABLE, .tension_n = {1, 2, 3, 4, 5}};
@@ -382,6 +392,7 @@ int main(void) {
   RUN(test_reset_is_survived);
   RUN(test_cable_out_and_in);
   RUN(test_silent_device);
+  RUN(test_one_reader_at_a_time);
   RUN(test_sending_goes_nowhere);
   RUN(test_pair_takes_the_trackers_poses);
   RUN(test_wrong_urls);
