@@ -104,7 +104,7 @@ def calibrate_walks_a_person_through():
             presses.pop(0)
             os.write(person, b"\n")
     assert tool.wait(10) == 0 and not presses, seen.decode()
-    for word in (b"1 of 3, flat hand", b"2 of 3, fist", b"3 of 3, pinch", b"still for", b"little_dij", b"written"):
+    for word in (b"1 of 3, flat hand", b"2 of 3, fist", b"3 of 3, pinch", b"hold still  ", b"little_dij", b"written"):
         assert word in seen, (word, seen.decode())
     assert sensors(out)["thumb_abduction"][3] == 35.0
 

@@ -84,7 +84,7 @@ static bool silent(int64_t since_ns) {
 static void show_progress(void) {
   const int restless = gv_calibrator_restless(&all.calibrator);
   if (all.automatic || !isatty(STDOUT_FILENO)) return;
-  if (restless < 0) printf("\r  still for %3.0f %%\033[K", 100 * gv_calibrator_rest(&all.calibrator));
+  if (restless < 0) printf("\r  hold still %3.0f %%\033[K", 100 * gv_calibrator_rest(&all.calibrator));
   else printf("\r  not yet still: %s moves by %.0f counts\033[K", gv_sensor_name(restless), all.calibrator.spread[restless]);
   fflush(stdout);
 }

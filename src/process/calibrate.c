@@ -60,7 +60,10 @@ void gv_calibrator_wait(gv_calibrator *c) {
   c->count = c->newest = 0;
   c->looked_ns = 0;
   c->rest_ns = -1;
-  for (int i = 0; i < GV_SENSORS; i++) c->quietest[i] = HUGE_VAL;
+  for (int i = 0; i < GV_SENSORS; i++) {
+    c->spread[i] = 0.0;
+    c->quietest[i] = HUGE_VAL;
+  }
 }
 
 void gv_calibrator_init(gv_calibrator *c) {
