@@ -44,6 +44,18 @@ view: build/venv-view/.done $(B)/gloved
 test-view: build/.browser-packages build/venv-view/.done $(B)/gloved
 	$(Q)PYTHON=build/venv-view/bin/python B=$(B) test/run browser
 
+## plot: pictures and tables of a run: make plot LOG=FILE (written by gloved --log), or COMPARE="FILE FILE"
+plot: build/venv-plot/.done
+	$(Q)$(if $(LOG)$(COMPARE),,echo 'plot: say which: make plot LOG=FILE, written by gloved --log FILE' >&2; exit 2)
+	$(Q)build/venv-plot/bin/python tools/gloved-plot $(if $(COMPARE),--compare $(COMPARE),$(LOG))
+build/venv-plot/.done: build/.run-packages
+	$(Q)tools/packages python3-venv
+	@echo "  VENV build/venv-plot"
+	$(Q)python3 -m venv build/venv-plot
+	$(Q)build/venv-plot/bin/pip install -q --disable-pip-version-check lcm numpy matplotlib mcap
+	@touch $@
+.PHONY: plot
+
 ## spy: lcm-spy with gloved's types (a window: needs a display)
 spy: build/types.jar
 	$(Q)tools/spy
@@ -79,7 +91,7 @@ build/.browser-packages: build/.run-packages
 .PHONY: view test-view
 
 ## test: build and run every test
-test: build/.test-packages build/venv/.done
+test: build/.test-packages build/venv/.done build/venv-plot/.done
 	$(Q)$(MAKE) --no-print-directory -j$$(nproc) all
 	$(Q)B=$(B) test/run
 
