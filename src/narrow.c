@@ -9,6 +9,10 @@
 // Cores nearer than this are treated as overlapping: the direction between two points that close is rounding.
 static const double touching = 1e-10;  // metres
 
+// Steps without progress that are taken while the bounds are apart. From one end of a limb lying nearly along
+// an edge the way to the other end begins so: the nearest point moves by less than rounding, the direction by enough.
+enum { STALLS = 2 };
+
 typedef enum outcome { APART, OVERLAP, FAR } outcome;
 
 static bool is_corner(const gv_simplex *s, gv_vec3 w) {
@@ -24,6 +28,7 @@ static outcome walk(const gv_cso *cso, double limit, gv_vec3 *io_n, gv_simplex *
   gv_vec3 v = s->p[0].w;
   double lower = -gv_dot(*io_n, v);
   if (lower > limit) return FAR;
+  int stalls = 0;
   for (int i = 0; i < GV_GJK_MAX_ITERATIONS; i++) {
     double far = gv_norm(v);
     if (far <= touching) return OVERLAP;
@@ -37,9 +42,9 @@ static outcome walk(const gv_cso *cso, double limit, gv_vec3 *io_n, gv_simplex *
     gv_vec3 v_next = v;
     next.p[next.count++] = p;
     if (!gv_simplex_solve(&next, &v_next)) return OVERLAP;
-    double progress = far - gv_norm(v_next);
-    if (progress > 0) *s = next, v = v_next;
-    if (progress <= 1e-16 * gv_norm(p.w)) break;  // as near as rounding allows: the direction is off by the root of that
+    double progress = far - gv_norm(v_next), rounding = 1e-16 * gv_norm(p.w);
+    if (progress <= -rounding || (progress <= rounding && ++stalls > STALLS)) break;  // as near as rounding allows
+    *s = next, v = v_next;
   }
   *out_v = gv_simplex_polish(s, v);
   // Nearly touching along edges, rounding can hide the way: where the bounds do not meet, let the faces decide.

@@ -284,6 +284,24 @@ static void test_segment_nearly_parallel_to_a_face(void) {
   }
 }
 
+// A limb lies micrometres off the edge of a thin plate, almost along it, one end almost above the corner, and
+// the search starts anywhere: it used to stop at that end, 3e-8 m and 0.012 rad off (one pose in 83,333).
+static void test_limb_along_the_edge_of_a_plate(void) {
+  gv_shape a = limb(), b = piece(PLATE);
+  for (int i = 0; i < 20000; i++) {
+    gv_pose B = {draw_rotation(), draw_vector(1)};
+    gv_vec3 end = gv_v3(-0.05 + draw(-1, 1) * pow(10, draw(-15, -8)), -0.04 - 3.3e-6, -0.0002 - 4.6e-6);
+    gv_quat tilt = gv_quat_exp(gv_scale(draw_unit(), pow(10, draw(-7, -5))));
+    gv_pose A = gv_pose_mul(B, (gv_pose){tilt, gv_sub(end, gv_rotate(tilt, gv_v3(-0.015, 0, 0)))});
+    oracle o = oracle_distance(&a, &A, &b, &B);
+    gv_pair_cache cache = {draw_unit(), 0, 0};
+    gv_distance d;
+    gv_distance_pair(&a, &A, &b, &B, 1, &cache, &d);
+    CHECK_NEAR(d.distance + a.radius, o.distance, 1e-10);
+    CHECK(gv_norm(gv_sub(d.normal_world, o.normal)) < 2e-4, "normal off by %g", gv_norm(gv_sub(d.normal_world, o.normal)));
+  }
+}
+
 // ---- shapes without size, and nonsense ----
 
 static void test_degenerate_shapes(void) {
@@ -512,6 +530,7 @@ int main(void) {
   RUN(test_grid_aligned_boxes);
   RUN(test_two_cubes_at_1_9);
   RUN(test_segment_nearly_parallel_to_a_face);
+  RUN(test_limb_along_the_edge_of_a_plate);
   RUN(test_degenerate_shapes);
   RUN(test_nonsense_ends);
   RUN(test_far_is_a_bound);
