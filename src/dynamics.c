@@ -4,10 +4,13 @@
 // its allocator is set to a pool, its step memory to one block. Real-time thread.
 //
 // ODE aborts the process on a not-a-number: nothing that is not finite passes gv_dynamics_add_force, _set_state
-// or a contact; the engine checks states after each step.
+// or a contact; the engine checks states after each step. It aborts on a pivot of zero as well, which Dantzig's
+// solver meets in hopeless piles: its error handler leaves the step by longjmp, the world is built anew from the
+// states before the step, and QuickStep, which has no pivots, does the step.
 #include "dynamics.h"
 
 #include <ode/ode.h>
+#include <setjmp.h>
 #include <string.h>
 
 #include "pool.h"
@@ -18,6 +21,7 @@ enum { STEP_BLOCKS = 2, STEP_BYTES = 5 << 20, POOL_BYTES = 1 << 20 };
 
 struct gv_dynamics {
   dWorldID world;
+  dThreadingImplementationID threading;
   dJointGroupID contacts;
   dBodyID body[GV_BODIES];           // null: static or unused
   gv_limb_state state[GV_BODIES];    // copy after each step
@@ -30,10 +34,12 @@ struct gv_dynamics {
   const gv_config *cfg;
   dJointFeedback feedback[GV_MAX_CONTACTS];
   pool memory;
+  pool memory_bare;                  // before anything of a world was in it: building anew starts here
   uint8_t *step_block[STEP_BLOCKS];
   bool step_block_taken[STEP_BLOCKS];
-  unsigned solver_errors;
-  unsigned failed_steps;             // ODE found no memory: bodies stood still
+  jmp_buf way_out;                   // of a step that ODE gives up
+  bool stepping;                     // way_out is set
+  unsigned solver_errors;            // messages, and steps that a solver gave up
 };
 
 // ODE keeps its handlers in globals, so one world at a time.
@@ -65,6 +71,12 @@ static void step_free(void *at, dsizeint size) {
 static void count_message(int number, const char *text, va_list args) {
   (void)number; (void)text; (void)args;
   if (the_world) the_world->solver_errors++;
+}
+
+// ODE would abort the process when this returns.
+static void leave_step(int number, const char *text, va_list args) {
+  (void)number; (void)text; (void)args;
+  if (the_world && the_world->stepping) longjmp(the_world->way_out, 1);
 }
 
 static gv_vec3 from_ode(const dReal *v) { return gv_v3(v[0], v[1], v[2]); }
@@ -127,14 +139,18 @@ static void create_object(gv_dynamics *dyn, const gv_scene *scene, int index) {
   create_body(dyn, GV_LIMBS + index, mass, &inertia);
 }
 
-static void create_world(gv_dynamics *dyn, const gv_scene *scene) {
+static gv_vec3 choose_gravity(const gv_config *cfg, const gv_scene *scene) {
+  if (!(cfg->override_gravity_m_s2 > 0.0)) return scene->gravity_m_s2;
+  return gv_scale(gv_normalize_or(scene->gravity_m_s2, gv_v3(0, 0, -1)), cfg->override_gravity_m_s2);
+}
+
+static void create_world(gv_dynamics *dyn) {
   const gv_config *cfg = dyn->cfg;
   dyn->world = dWorldCreate();
-  gv_vec3 g = scene->gravity_m_s2;
-  if (cfg->override_gravity_m_s2 > 0.0)
-    g = gv_scale(gv_normalize_or(g, gv_v3(0, 0, -1)), cfg->override_gravity_m_s2);
-  dyn->gravity = g;
-  dWorldSetGravity(dyn->world, g.x, g.y, g.z);
+  // A job list of its own: ODE's shared one would keep the job of a step that was left.
+  dyn->threading = dThreadingAllocateSelfThreadedImplementation();
+  dWorldSetStepThreadingImplementation(dyn->world, dThreadingImplementationGetFunctions(dyn->threading), dyn->threading);
+  dWorldSetGravity(dyn->world, dyn->gravity.x, dyn->gravity.y, dyn->gravity.z);
   dWorldSetCFM(dyn->world, cfg->world_cfm);
   dWorldSetQuickStepNumIterations(dyn->world, cfg->quick_iterations);
   // A limb that finds itself deep inside an object is let out gently, not shot.
@@ -146,6 +162,36 @@ static void create_world(gv_dynamics *dyn, const gv_scene *scene) {
   dWorldSetStepMemoryManager(dyn->world, &memory);
   dWorldSetStepMemoryReservationPolicy(dyn->world, &reserve);
   dyn->contacts = dJointGroupCreate(0);
+}
+
+static void create_limb(gv_dynamics *dyn, int i) {
+  dyn->body[i] = dBodyCreate(dyn->world);
+  dBodySetGravityMode(dyn->body[i], 0);          // gravity acts on m, not on m': the engine adds it
+  dBodySetGyroscopicMode(dyn->body[i], 0);
+}
+
+// After a step that ODE gave up: nothing of its world can be trusted. The bodies as they were before the step.
+// Some 0.1 ms, and the one case of heap calls after set-up: dBodyCreate has C++ members.
+static void build_anew(gv_dynamics *dyn) {
+  dMass mass[GV_BODIES];
+  bool enabled[GV_BODIES];
+  for (int i = 0; i < dyn->body_count; i++) {
+    if (!dyn->body[i]) continue;
+    dBodyGetMass(dyn->body[i], &mass[i]);
+    enabled[i] = dBodyIsEnabled(dyn->body[i]);
+  }
+  dyn->memory = dyn->memory_bare;
+  memset(dyn->step_block_taken, 0, sizeof dyn->step_block_taken);
+  create_world(dyn);
+  for (int i = 0; i < dyn->body_count; i++) {
+    if (!dyn->body[i]) continue;
+    if (i < GV_LIMBS) create_limb(dyn, i);
+    else dyn->body[i] = dBodyCreate(dyn->world);
+    dBodySetMass(dyn->body[i], &mass[i]);
+    const gv_limb_state before = dyn->state[i];
+    gv_dynamics_set_state(dyn, i, &before);
+    if (!enabled[i]) dBodyDisable(dyn->body[i]);
+  }
 }
 
 gv_dynamics *gv_dynamics_create(gv_arena *arena, const gv_config *cfg, const gv_scene *scene,
@@ -163,13 +209,15 @@ gv_dynamics *gv_dynamics_create(gv_arena *arena, const gv_config *cfg, const gv_
   dSetReallocHandler(ode_realloc);
   dSetFreeHandler(ode_free);
   dSetMessageHandler(count_message);
+  dSetErrorHandler(leave_step);
+  dSetDebugHandler(leave_step);
   dInitODE2(0);
-  create_world(dyn, scene);
+  dyn->memory_bare = dyn->memory;
+  dyn->gravity = choose_gravity(cfg, scene);
+  create_world(dyn);
   for (int i = 0; i < GV_LIMBS; i++) {
-    dyn->body[i] = dBodyCreate(dyn->world);
+    create_limb(dyn, i);
     gv_dynamics_set_limb(dyn, i, &spring[i], limb_inertia[i]);
-    dBodySetGravityMode(dyn->body[i], 0);        // gravity acts on m, not on m': the engine adds it
-    dBodySetGyroscopicMode(dyn->body[i], 0);
     read_back(dyn, i);
   }
   for (int i = 0; i < scene->object_count; i++) {
@@ -184,11 +232,14 @@ void gv_dynamics_destroy(gv_dynamics *dyn) {
   if (!dyn || the_world != dyn) return;
   dJointGroupDestroy(dyn->contacts);
   dWorldDestroy(dyn->world);
+  dThreadingFreeImplementation(dyn->threading);
   dCloseODE();
   dSetAllocHandler(NULL);
   dSetReallocHandler(NULL);
   dSetFreeHandler(NULL);
   dSetMessageHandler(NULL);
+  dSetErrorHandler(NULL);
+  dSetDebugHandler(NULL);
   the_world = NULL;
 }
 
@@ -261,7 +312,8 @@ static void create_contact(gv_dynamics *dyn, const gv_dynamics_contact *c, dJoin
   dJointSetFeedback(joint, feedback);
 }
 
-bool gv_dynamics_step(gv_dynamics *dyn, const gv_dynamics_contact *contact, int count, gv_vec3 force_on_a[]) {
+// False where ODE has no memory for the step, or gave it up: the bodies are where they were.
+static bool try_step(gv_dynamics *dyn, const gv_dynamics_contact *contact, int count, bool quick) {
   memset(dyn->feedback, 0, sizeof *dyn->feedback * (size_t)count);
   for (int i = 0; i < count; i++)
     if (contact_sound(&contact[i])) create_contact(dyn, &contact[i], &dyn->feedback[i]);
@@ -269,17 +321,35 @@ bool gv_dynamics_step(gv_dynamics *dyn, const gv_dynamics_contact *contact, int 
     if (!dyn->body[i]) continue;
     dBodyAddForce(dyn->body[i], dyn->force[i].x, dyn->force[i].y, dyn->force[i].z);
     dBodyAddTorque(dyn->body[i], dyn->torque[i].x, dyn->torque[i].y, dyn->torque[i].z);
-    dyn->force[i] = dyn->torque[i] = gv_v3(0, 0, 0);
   }
+  dRandSetSeed(1);  // QuickStep shuffles its rows: the same way in every replay
+  dyn->stepping = true;
+  if (setjmp(dyn->way_out)) {
+    dyn->stepping = false;
+    build_anew(dyn);
+    memset(dyn->feedback, 0, sizeof *dyn->feedback * (size_t)count);
+    return false;
+  }
+  const int done = quick ? dWorldQuickStep(dyn->world, dyn->cfg->step_s) : dWorldStep(dyn->world, dyn->cfg->step_s);
+  dyn->stepping = false;
+  dJointGroupEmpty(dyn->contacts);
+  return done;
+}
+
+bool gv_dynamics_step(gv_dynamics *dyn, const gv_dynamics_contact *contact, int count, gv_vec3 force_on_a[]) {
   const gv_config *cfg = dyn->cfg;
   bool quick = cfg->solver == GV_SOLVER_QUICK || (cfg->solver == GV_SOLVER_AUTO && count > cfg->dantzig_contacts);
-  dRandSetSeed(1);  // QuickStep shuffles its rows: the same way in every replay
-  int done = quick ? dWorldQuickStep(dyn->world, cfg->step_s) : dWorldStep(dyn->world, cfg->step_s);
-  if (!done) dyn->failed_steps++;
-  dJointGroupEmpty(dyn->contacts);
+  bool done = try_step(dyn, contact, count, quick);
+  if (!done) dyn->solver_errors++;
+  if (!done && !quick) {
+    quick = true;
+    if (!try_step(dyn, contact, count, true)) dyn->solver_errors++;
+  }
   for (int i = 0; i < count; i++) force_on_a[i] = from_ode(dyn->feedback[i].f1);
-  for (int i = 0; i < dyn->body_count; i++)
+  for (int i = 0; i < dyn->body_count; i++) {
+    dyn->force[i] = dyn->torque[i] = gv_v3(0, 0, 0);
     if (dyn->body[i]) read_back(dyn, i);
+  }
   return quick;
 }
 
@@ -307,7 +377,7 @@ void gv_dynamics_warm_up(gv_dynamics *dyn) {
   dyn->solver_errors = 0;  // the warm-up's contacts make no sense to a solver
 }
 
-unsigned gv_dynamics_solver_errors(const gv_dynamics *dyn) { return dyn->solver_errors + dyn->failed_steps; }
+unsigned gv_dynamics_solver_errors(const gv_dynamics *dyn) { return dyn->solver_errors; }
 
 double gv_dynamics_object_energy(const gv_dynamics *dyn) {
   double sum = 0.0;
