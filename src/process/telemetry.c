@@ -423,7 +423,7 @@ static void obey(gv_telemetry *telemetry, const gv_request *request) {
   switch (request->kind) {
     case GV_REQUEST_START_LOG: refusal = start_log(telemetry, request->text); break;
     case GV_REQUEST_STOP_LOG:
-      answer(telemetry, request->kind, telemetry->log ? NULL : "no log is being written"); // into the log as well
+      answer(telemetry, (int)request->kind, telemetry->log ? NULL : "no log is being written"); // into the log as well
       stop_log(telemetry);
       return;
     case GV_REQUEST_TRACE:
@@ -435,7 +435,7 @@ static void obey(gv_telemetry *telemetry, const gv_request *request) {
       break;
     case GV_REQUEST_SCENE: case GV_REQUEST_KINDS: return; // refused by gv_request_check
   }
-  answer(telemetry, request->kind, refusal);
+  answer(telemetry, (int)request->kind, refusal);
 }
 
 // Exactly as long as the length of its text says, with its final zero: the generated decoder would take memory
