@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The 3D view as a person sees it: gloved, Drake's viewer and headless Chromium; the pictures are checked for the
+"""The 3D views as a person sees them: gloved, Drake's viewer or tools/look.py, and headless Chromium; the pictures are checked for the
 hand, the object, the forces and for movement, and kept in $B/test/view. Not part of `make test`: make test-view."""
 import base64
 import io
@@ -32,8 +32,8 @@ def verdict(name, why):
     failed |= bool(why)
 
 
-def start_viewer():
-    viewer = subprocess.Popen([sys.executable, "tools/viewer.py", "--port", str(PORT)], stdout=subprocess.PIPE,
+def start_viewer(program="viewer"):
+    viewer = subprocess.Popen([sys.executable, f"tools/{program}.py", "--port", str(PORT)], stdout=subprocess.PIPE,
                               stderr=subprocess.STDOUT, text=True, env=dict(os.environ, LCM_DEFAULT_URL=URL))
     for line in viewer.stdout:
         if "open http" in line:
@@ -110,35 +110,35 @@ def changed(a, b):
     return sum(ImageChops.difference(a, b).convert("L").point(lambda v: 255 if v > 12 else 0).histogram()[255:])
 
 
-def check_pictures(pictures):
+def check_pictures(pictures, order):
     seen = [(count(p, skin), count(p, paint), count(p, arrow)) for p in pictures]
     moved = [changed(a, b) for a, b in zip(pictures, pictures[1:])]
     print(f"  pixels of hand, object, forces: {seen}; changed between pictures: {moved}")
-    verdict("the_hand_is_seen", "" if max(s[0] for s in seen) > 3000 else str(seen))
-    verdict("the_object_is_seen", "" if max(s[1] for s in seen) > 1000 else str(seen))
-    verdict("forces_are_seen", "" if max(s[2] for s in seen) > 60 else str(seen))
-    verdict("the_picture_moves", "" if max(moved) > 2000 else str(moved))
+    verdict(f"the_hand_is_seen_{order}", "" if max(s[0] for s in seen) > 3000 else str(seen))
+    verdict(f"the_object_is_seen_{order}", "" if max(s[1] for s in seen) > 1000 else str(seen))
+    verdict(f"forces_are_seen_{order}", "" if max(s[2] for s in seen) > 60 else str(seen))
+    verdict(f"the_picture_moves_{order}", "" if max(moved) > 2000 else str(moved))
 
 
-def look(folder, viewer_first):
+def look(folder, program, viewer_first):
     """Pictures of one whole grasp; whether both programs lived on."""
     if viewer_first:
-        viewer = start_viewer()
+        viewer = start_viewer(program)
         engine = start_engine()
     else:
         engine = start_engine()
         time.sleep(2)
-        viewer = start_viewer()
+        viewer = start_viewer(program)
     browser = Browser(folder, f"http://localhost:{PORT}")
-    order = "viewer_first" if viewer_first else "engine_first"
+    order = program + ("_first" if viewer_first else "_last")
     pictures = []
     try:
         while engine.poll() is None and len(pictures) < 9:
             time.sleep(1)
             pictures.append(browser.picture(f"{order}-{len(pictures)}"))
         pictures.append(browser.picture(f"{order}-end"))
-        verdict(f"viewer_lives_{order}", "" if viewer.poll() is None else viewer.stdout.read()[-500:])
-        check_pictures(pictures)
+        verdict(f"it_lives_{order}", "" if viewer.poll() is None else viewer.stdout.read()[-500:])
+        check_pictures(pictures, order)
     finally:
         browser.process.terminate()
         browser.process.wait()
@@ -146,9 +146,9 @@ def look(folder, viewer_first):
         stop(viewer)
 
 
-def check_faults():
+def check_faults(program):
     """A run that ends in a fault, one killed in the middle, then a sound one: the viewer shows them all."""
-    viewer = start_viewer()
+    viewer = start_viewer(program)
     stop(start_engine("?loss_chance=0.3", 3))
     for duration in (2, 1):
         engine = start_engine("?loss_chance=0.3&jump_chance=0.2&noise_rad=0.2", duration)
@@ -158,15 +158,16 @@ def check_faults():
     engine.kill()
     engine.wait()
     start_engine("", 1.5).wait()
-    verdict("viewer_lives_through_faults", "" if viewer.poll() is None else viewer.stdout.read()[-500:])
+    verdict(f"{program}_lives_through_faults", "" if viewer.poll() is None else viewer.stdout.read()[-500:])
     stop(viewer)
 
 
 def main():
-    for viewer_first in (True, False):
-        with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
-            look(folder, viewer_first)
-    check_faults()
+    for program in ("viewer", "look"):
+        for viewer_first in (True, False):
+            with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
+                look(folder, program, viewer_first)
+        check_faults(program)
     return 1 if failed else 0
 
 

@@ -4,10 +4,10 @@
 browser what gloved publishes on DRAKE_VIEWER_LOAD_ROBOT and DRAKE_VIEWER_DRAW. Runs until it is interrupted.
 Needs `pip install drake` (make view does it). LCM_DEFAULT_URL says where to listen."""
 import argparse
+import json
 import logging
 
 import numpy as np
-import yaml
 from pydrake.geometry import MeshcatParams
 from pydrake.visualization._meldis import Meldis
 
@@ -16,19 +16,18 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__.split(" - ")[1])
     parser.add_argument("--host", default="localhost", help="'*': other machines may look, too")
     parser.add_argument("--port", type=int, default=7000)
-    parser.add_argument("--settings", default="data/viewer/viewer.yaml")
+    parser.add_argument("--settings", default="data/viewer/viewer.json", help="the camera: eye and target, metres in the world of the scene")
     args = parser.parse_args()
     with open(args.settings, encoding="utf-8") as file:
-        settings = yaml.safe_load(file)
+        camera = json.load(file)
     logging.getLogger("drake").setLevel(logging.WARNING)
     try:
         meldis = Meldis(meshcat_params=MeshcatParams(host=args.host, port=args.port, show_stats_plot=False))
     except RuntimeError as error:
         raise SystemExit(f"viewer: port {args.port} or LCM is not to be had ({error}); choose another --port, "
                          "or give this machine a multicast route (ip route add 224.0.0.0/4 dev lo)")
-    camera = settings["camera"]
     meldis.meshcat.SetCameraPose(np.array(camera["eye"]), np.array(camera["target"]))
-    for path in settings["hide"]:
+    for path in ("/Axes", "/Grid"):
         meldis.meshcat.SetProperty(path, "visible", False)
     print(f"viewer: open {meldis.meshcat.web_url()}", flush=True)
     try:
