@@ -1,0 +1,73 @@
+#!/bin/sh
+# SPDX-License-Identifier: BSD-3-Clause
+# guest.sh DIR - runs in the guest of tools/uml-can: fcusim and gloved on real CAN interfaces, one experiment after
+# the other. What they say goes to DIR (test/can/judge.py reads it there); nothing is judged here.
+set -u
+: "${B:?the build directory}"
+out=$1
+log=/tmp/can; mkdir -p $log; cd "$(dirname "$0")/../.."
+
+# gloved NAME [OPTION...], in the background: $engine.
+engine() {
+  name=$1; shift
+  "$B/gloved" --config test/can/slow.conf --no-rt --summary $log/$name.json "$@" >$log/$name.gloved 2>&1 & engine=$!
+}
+# run NAME IFACE SCRIPT SECONDS [OPTION of gloved...]: both, until the script is over.
+begin() {
+  name=$1 iface=$2 script=$3 seconds=$4; shift 4
+  engine "$name" --fcu "can:$iface" --duration "$seconds" "$@"
+  "$B/fcusim" --can "$iface" --script "test/can/$script.user" --report $log/$name.fcusim.json >$log/$name.fcusim 2>&1 & device=$!
+}
+finish() { wait $device; echo $? >$log/$name.fcusim.code; kill $engine 2>/dev/null; wait $engine; echo $? >$log/$name.code; }
+# after SECONDS of forces: waits until a force flows, then that long.
+force() {
+  for _ in $(seq 200); do grep -q 'armed -> active' $log/$name.gloved && break; sleep 0.05; done
+  sleep "$1"
+}
+replay() { "$B/gloved" --config test/can/slow.conf --fcu "trace:$log/$1?speed=0" --summary $log/$2.json >$log/$2.gloved 2>&1; echo $? >$log/$2.code; }
+
+# A whole grasp, kept by candump and by gloved itself; then the recordings, as fast as possible and over the bus.
+candump -L vcan0 >$log/candump.log & dump=$!
+begin grasp vcan0 grasp 20 --record $log/record.log
+finish
+kill $dump
+grep -v ' 090#' $log/candump.log >$log/device.log
+replay record.log record
+replay candump.log candump
+engine canplayer --fcu can:vcan0 --duration 20
+sleep 0.3; canplayer -I $log/device.log; kill $engine; wait $engine; echo $? >$log/canplayer.code
+
+# What a bad link does. vcan has echo=1: what one side sends passes netem on its way to the other.
+for fault in 'loss 3%' 'duplicate 10%' 'delay 3ms 2ms' 'corrupt 5%'; do
+  tc qdisc add dev vcan0 root netem $fault
+  begin "netem_${fault%% *}" vcan0 press 20
+  finish
+  tc qdisc del dev vcan0 root
+done
+
+# The cable: down and up, removed and made again, while a force flows; then the same hand presses again.
+begin down vcan0 press 20
+force 0.3; ip link set vcan0 down; sleep 0.5; ip link set vcan0 up
+finish
+begin removed vcan0 press 20
+force 0.3; ip link del vcan0; sleep 0.3; ip link add dev vcan0 type vcan && ip link set vcan0 mtu 72 up
+finish
+
+# A full queue, error frames, a reader that does not read.
+tc qdisc add dev vcan0 root netem delay 40ms limit 8
+begin full vcan0 press 1.5
+finish
+tc qdisc del dev vcan0 root
+begin flood vcan0 press 20
+force 0.1; for _ in 1 2 3; do cansend vcan0 20000004#0000000000000000; done
+kill -STOP $engine; cangen vcan0 -I 110 -L 48 -f -g 0 -n 3000; kill -CONT $engine
+finish
+
+# Classic CAN: the same hand, in frames of 8 bytes.
+ip link add dev vcan1 type vcan && ip link set vcan1 mtu 16 up
+candump -L vcan1 >$log/classic.log & dump=$!
+begin classic vcan1 press 20 --record $log/classic_record.log
+finish
+kill $dump
+replay classic_record.log classic_replay
+mkdir -p "$out" && cp $log/* "$out/"
