@@ -27,6 +27,7 @@ LIB     := $(B)/libgloved.a
 
 RUN_PACKAGES  := gcc libc6-dev libode-dev libccd-dev liblcm-dev liblcm-bin libconfig-dev zlib1g-dev
 TEST_PACKAGES := $(RUN_PACKAGES) clang python3-venv can-utils
+CAN_PACKAGES  := can-utils user-mode-linux kmod iproute2
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
@@ -106,6 +107,11 @@ test: build/.test-packages build/venv/.done build/venv-plot/.done
 	$(Q)$(MAKE) --no-print-directory -j$$(nproc) all
 	$(Q)B=$(B) test/run
 
+## test-can: fcusim and gloved on real CAN interfaces, in a User-Mode Linux guest (no root, about 90 s)
+test-can: build/.can-packages build/venv/.done
+	$(Q)$(MAKE) --no-print-directory all
+	$(Q)B=$(B) test/can/run
+
 ## all: build the daemon, the tools and the tests
 all: $(patsubst src/process/main.c,$(B)/gloved,$(wildcard src/process/main.c)) $(TOOLS:%=$(B)/%) $(TESTS:%=$(B)/test/%) $(B)/test/bench_engine
 
@@ -155,6 +161,9 @@ build/.run-packages:
 	@mkdir -p build && touch $@
 build/.test-packages: build/.run-packages
 	$(Q)tools/packages $(TEST_PACKAGES)
+	@touch $@
+build/.can-packages: build/.test-packages
+	$(Q)tools/packages $(CAN_PACKAGES)
 	@touch $@
 build/.fuzz-packages: build/.run-packages
 	$(Q)tools/packages clang libclang-rt-dev
@@ -212,5 +221,5 @@ clean:
 help:
 	@sed -n 's/^## //p' $(MAKEFILE_LIST)
 
-.PHONY: run test all bench bench-peers bench-accuracy golden traces layers fuzz clean help
+.PHONY: run test test-can all bench bench-peers bench-accuracy golden traces layers fuzz clean help
 -include $(shell find $(B) -name '*.d' 2>/dev/null)

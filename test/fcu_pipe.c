@@ -19,7 +19,7 @@ static void pack(const char *kind, const double *v, gv_frame *out) {
   gv_pose_msg p = {g.counter, g.flags, g.stamp_us, g.age_us, (uint8_t)v[4], {{v[8], v[9], v[10], v[11]},
                    {v[5], v[6], v[7]}}};
   gv_status_msg s = {g.counter, g.flags, g.stamp_us, (uint8_t)v[3], (uint8_t)v[4], {0}, (uint16_t)v[10]};
-  gv_command_msg c = {g.counter, g.flags, g.stamp_us, g.age_us, {0}};
+  gv_command_msg c = {g.counter, g.flags, g.stamp_us, g.age_us, {0}, (uint16_t)v[9]};
   for (int i = 0; i < GV_SENSORS; i++) g.raw[i] = (uint16_t)v[4 + i];
   for (int i = 0; i < GV_FINGERS; i++) s.tension_n[i] = v[5 + i], c.tension_n[i] = v[4 + i];
   if (strcmp(kind, "glove") == 0) gv_fcu_pack_glove(&g, out);
@@ -86,6 +86,7 @@ static gv_fcu_error print_message(const gv_frame *f) {
   } else if (f->id == GV_ID_FORCE_COMMAND && (error = gv_fcu_unpack_command(f, &c)) == 0) {
     printf("command %u %u %u %u", c.counter, c.flags, c.sample_stamp_us, c.age_us);
     print_tensions(c.tension_n);
+    printf(" %u", c.frames_taken);
   }
   return error;
 }

@@ -29,7 +29,7 @@ SENSORS = ["".join(part.capitalize() for part in name.split("_")) for name in pi
 TENSIONS = ["Tension" + finger.capitalize() for finger in pipe(["fingers"])[0].split()]
 # Per message: identifier, bytes, flag signals from bit 8, the other signals in the order of the C struct.
 MESSAGES = {
-    "command": (0x090, 20, ["Enable"], ["Counter", "Flags", "SampleStamp", "SampleAge"] + TENSIONS),
+    "command": (0x090, 20, ["Enable", "Ending"], ["Counter", "Flags", "SampleStamp", "SampleAge"] + TENSIONS + ["FramesTaken"]),
     "status": (0x0A0, 20, ["DeadMan", "Watchdog", "Fault"],
                ["Counter", "Flags", "Stamp", "CommandCounter", "Mode"] + TENSIONS + ["BadCommands"]),
     "glove": (0x110, 48, ["DeadMan", "LeftHand", "SensorFault"], ["Counter", "Flags", "Stamp", "Age"] + SENSORS),
@@ -228,7 +228,7 @@ def test_classic_command_is_one_frame():
         assert got["Checksum"] == crc8(frame_id.to_bytes(2, "little") + data[:7])
         words = pipe(["join", f"(0.0) can0 {frame_id:03X}#{data.hex()}"])[1].split()
         assert words[0] == "command" and int(words[1]) % 16 == got["Counter"] and int(words[2]) == raw["Enable"]
-        assert all(abs(float(w) - 0.012 * got[t]) < 1e-9 for w, t in zip(words[5:], TENSIONS)), words
+        assert all(abs(float(w) - 0.012 * got[t]) < 1e-9 for w, t in zip(words[5:10], TENSIONS)), words
         if number < 10:
             damaged = [bytes(b ^ (1 << bit % 8 if i == bit // 8 else 0) for i, b in enumerate(data)) for bit in range(64)]
             answers = pipe(["join"] + [f"(0.0) can0 {frame_id:03X}#{d.hex()}" for d in damaged])[1:]

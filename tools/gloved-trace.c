@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// gloved-trace: what is in a recording, a recording from a table of angles, a recording from the wire.
+// gloved-trace: what is in a recording, a recording from a table of angles, a recording from the wire,
+// and one that a bus monitor made put into step with the engine.
 // Recordings are candump -L logs, so candump, canplayer, python-can and `gloved --fcu trace:FILE` share them.
 #include <math.h>
 #include <stdarg.h>
@@ -20,6 +21,9 @@ static const char help[] =
   "      (row by row, metres; 100 Hz unless --wrist-rate says otherwise). --rate interpolates to that rate.\n"
   "  gloved-trace record --udp udp://HOST:PORT?listen=PORT -o FILE [--duration S]\n"
   "      Records what the device sends (cannelloni over UDP) until S seconds went by or Ctrl-C; - is standard output.\n"
+  "  gloved-trace align FILE -o FILE --rate HZ\n"
+  "      Takes a log that candump made while gloved ran at HZ on the same CAN FD bus, and stamps each frame with the\n"
+  "      step that took it, so that a replay ends with the state of that run, bit by bit.\n"
   "Exit codes: 0 done, 1 nothing came or the log could not be written, 2 bad usage or bad input.\n";
 
 int trace_fail(int code, const char *format, ...) {
@@ -49,6 +53,7 @@ int main(int argc, char **argv) {
   if (strcmp(verb, "info") == 0) return trace_info(argc - 1, argv + 1);
   if (strcmp(verb, "import") == 0) return trace_import(argc - 1, argv + 1);
   if (strcmp(verb, "record") == 0) return trace_record(argc - 1, argv + 1);
-  return trace_fail(EXIT_BAD_INPUT, "%s%s; use info, import or record (gloved-trace --help)",
+  if (strcmp(verb, "align") == 0) return trace_align(argc - 1, argv + 1);
+  return trace_fail(EXIT_BAD_INPUT, "%s%s; use info, import, record or align (gloved-trace --help)",
                     argc > 1 ? "no such job: " : "no job given", verb);
 }

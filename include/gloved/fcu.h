@@ -50,12 +50,15 @@ typedef struct gv_status_msg {
 } gv_status_msg;
 
 // FORCE_COMMAND: 1 flags | 4-7 stamp_us of the glove sample behind it (device clock) | 8-15 five tensions,
-// 12 bits each in 0.003 N, channel i at bit 64 + 12 i | 16-17 age of that sample in 10 us | 18-19 zero
-enum { GV_COMMAND_ENABLE = 1 };
+// 12 bits each in 0.003 N, channel i at bit 64 + 12 i | 16-17 age of that sample in 10 us |
+// 18-19 GLOVE, POSE and STATUS frames that the engine has taken so far, modulo 65536: with it a log of the bus tells
+// which step took which frame (gloved-trace align), and a device how many of its frames arrive
+enum { GV_COMMAND_ENABLE = 1, GV_COMMAND_ENDING = 2 }; // ending: the engine stops stepping and ramps to zero
 typedef struct gv_command_msg {
   uint8_t counter, flags;
   uint32_t sample_stamp_us, age_us;
   double tension_n[GV_FINGERS];// 0..12.285
+  uint16_t frames_taken;
 } gv_command_msg;
 #define GV_TENSION_LSB_N 0.003
 
@@ -89,7 +92,7 @@ uint16_t gv_crc16(uint16_t crc, const uint8_t *data, size_t len);
 // by bit. FORCE_COMMAND is one frame, so that a force is never half old:
 //   bits 0-3 counter modulo 16 | 4 enable | 5 zero | 6-55 five tensions, 10 bits each in 0.012 N, rounded down |
 //   56-63 CRC-8 (polynomial 0x2f, start and final xor 0xff) over the identifier (2 bytes, low first) and bytes 0-6
-// Stamp and age of its sample do not travel. At 1 Mbit/s some 8 frames fit a millisecond: 1 kHz of commands (1),
+// Stamp, age and count do not travel. At 1 Mbit/s some 8 frames fit a millisecond: 1 kHz of commands (1),
 // gloves at 150 Hz (0.9), two receivers at 60 Hz (1) and status at 100 Hz (0.3) take less than half of it; gloves
 // and poses at 1 kHz need CAN FD.
 enum {

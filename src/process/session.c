@@ -159,9 +159,11 @@ static void send_force(gv_session *session, const double desired_n[GV_FINGERS], 
                                            session->force_n);
   gv_command_msg *msg = &session->command;
   // While a fault ramps down the device stays enabled: switching off at full force would be a jerk.
-  *msg = (gv_command_msg){.counter = session->command_counter++,
-                          .flags = enabled || largest(session->force_n) > 0.0 ? GV_COMMAND_ENABLE : 0,
-                          .sample_stamp_us = session->glove.stamp_us, .age_us = age_us(session->glove_age_s)};
+  const int enable = enabled || largest(session->force_n) > 0.0 ? GV_COMMAND_ENABLE : 0;
+  const int ending = session->safety.state == GV_SAFETY_STOPPED ? GV_COMMAND_ENDING : 0;
+  *msg = (gv_command_msg){.counter = session->command_counter++, .flags = (uint8_t)(enable | ending),
+                          .sample_stamp_us = session->glove.stamp_us, .age_us = age_us(session->glove_age_s),
+                          .frames_taken = (uint16_t)(session->frames.rx - session->frames.foreign)};
   memcpy(msg->tension_n, session->force_n, sizeof msg->tension_n);
   for (int i = 0; i < GV_FINGERS; i++) session->force_max_n[i] = fmax(session->force_max_n[i], session->force_n[i]);
   gv_fcu_pack_command(msg, out_command);

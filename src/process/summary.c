@@ -66,9 +66,9 @@ static void put_telemetry(FILE *out, const gv_summary *s) {
 static void put_frames(FILE *out, const gv_frame_counters *f, const gv_driver_stats *d) {
   fprintf(out, "  \"frames\": {\"rx\": %" PRIu64 ", \"tx\": %" PRIu64 ", \"lost\": %" PRIu64 ", \"bad\": %" PRIu64
           ", \"late\": %" PRIu64 ", \"unusable\": %" PRIu64 ", \"foreign\": %" PRIu64 ", \"tx_failed\": %" PRIu64
-          ", \"bus_errors\": %" PRIu64 ", \"link_downs\": %" PRIu64 "},\n",
+          ", \"overflow\": %" PRIu64 ", \"bus_errors\": %" PRIu64 ", \"link_downs\": %" PRIu64 "},\n",
           f->rx, f->tx, f->lost, f->bad + d->bad, f->late, f->unusable, f->foreign + d->foreign, d->tx_failed,
-          d->bus_errors, d->link_downs);
+          d->lost, d->bus_errors, d->link_downs);
 }
 
 static void put_objects(FILE *out, const gv_session *session, const gv_scene *scene) {

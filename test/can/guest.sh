@@ -5,24 +5,25 @@
 set -u
 : "${B:?the build directory}"
 out=$1
+device_options=
 log=/tmp/can; mkdir -p $log; cd "$(dirname "$0")/../.."
 
-# gloved NAME [OPTION...], in the background: $engine.
+# engine NAME [OPTION...]: gloved in the background.
 engine() {
   name=$1; shift
   "$B/gloved" --config test/can/slow.conf --no-rt --summary $log/$name.json "$@" >$log/$name.gloved 2>&1 & engine=$!
 }
-# run NAME IFACE SCRIPT SECONDS [OPTION of gloved...]: both, until the script is over.
+# begin NAME IFACE SCRIPT SECONDS [OPTION of gloved...], finish: both, until the script is over.
 begin() {
   name=$1 iface=$2 script=$3 seconds=$4; shift 4
   engine "$name" --fcu "can:$iface" --duration "$seconds" "$@"
-  "$B/fcusim" --can "$iface" --script "test/can/$script.user" --report $log/$name.fcusim.json >$log/$name.fcusim 2>&1 & device=$!
+  "$B/fcusim" --can "$iface" --script "test/can/$script.user" $device_options --report $log/$name.fcusim.json >$log/$name.fcusim 2>&1 & device=$!
 }
 finish() { wait $device; echo $? >$log/$name.fcusim.code; kill $engine 2>/dev/null; wait $engine; echo $? >$log/$name.code; }
-# after SECONDS of forces: waits until a force flows, then that long.
-force() {
-  for _ in $(seq 200); do grep -q 'armed -> active' $log/$name.gloved && break; sleep 0.05; done
-  sleep "$1"
+# await WORDS SECONDS: waits for the words in what gloved says, then that long.
+await() {
+  for _ in $(seq 200); do grep -q "$1" $log/$name.gloved && break; sleep 0.05; done
+  sleep "$2"
 }
 replay() { "$B/gloved" --config test/can/slow.conf --fcu "trace:$log/$1?speed=0" --summary $log/$2.json >$log/$2.gloved 2>&1; echo $? >$log/$2.code; }
 
@@ -33,12 +34,14 @@ finish
 kill $dump
 grep -v ' 090#' $log/candump.log >$log/device.log
 replay record.log record
+"$B/gloved-trace" align $log/candump.log -o $log/aligned.log --rate 500 >$log/align 2>&1
+replay aligned.log aligned
 replay candump.log candump
 engine canplayer --fcu can:vcan0 --duration 20
-sleep 0.3; canplayer -I $log/device.log; kill $engine; wait $engine; echo $? >$log/canplayer.code
+await 'start -> wait' 0; canplayer -I $log/device.log; sleep 0.7; kill $engine; wait $engine; echo $? >$log/canplayer.code
 
 # What a bad link does. vcan has echo=1: what one side sends passes netem on its way to the other.
-for fault in 'loss 3%' 'duplicate 10%' 'delay 3ms 2ms' 'corrupt 5%'; do
+for fault in 'loss 3%' 'duplicate 5%' 'delay 3ms 2ms' 'corrupt 5%'; do
   tc qdisc add dev vcan0 root netem $fault
   begin "netem_${fault%% *}" vcan0 press 20
   finish
@@ -47,10 +50,10 @@ done
 
 # The cable: down and up, removed and made again, while a force flows; then the same hand presses again.
 begin down vcan0 press 20
-force 0.3; ip link set vcan0 down; sleep 0.5; ip link set vcan0 up
+await 'armed -> active' 0.3; ip link set vcan0 down; sleep 0.5; ip link set vcan0 up
 finish
 begin removed vcan0 press 20
-force 0.3; ip link del vcan0; sleep 0.3; ip link add dev vcan0 type vcan && ip link set vcan0 mtu 72 up
+await 'armed -> active' 0.3; ip link del vcan0; sleep 0.3; ip link add dev vcan0 type vcan && ip link set vcan0 mtu 72 up
 finish
 
 # A full queue, error frames, a reader that does not read.
@@ -59,11 +62,12 @@ begin full vcan0 press 1.5
 finish
 tc qdisc del dev vcan0 root
 begin flood vcan0 press 20
-force 0.1; for _ in 1 2 3; do cansend vcan0 20000004#0000000000000000; done
+await 'armed -> active' 0.1; for _ in 1 2 3; do cansend vcan0 20000004#0000000000000000; done
 kill -STOP $engine; cangen vcan0 -I 110 -L 48 -f -g 0 -n 3000; kill -CONT $engine
 finish
 
-# Classic CAN: the same hand, in frames of 8 bytes.
+# Classic CAN: the same hand at the rates of real devices, in frames of 8 bytes.
+device_options='--device glove_hz_min=100 --device glove_hz_max=100 --device tracker_hz=60'
 ip link add dev vcan1 type vcan && ip link set vcan1 mtu 16 up
 candump -L vcan1 >$log/classic.log & dump=$!
 begin classic vcan1 press 20 --record $log/classic_record.log

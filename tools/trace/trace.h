@@ -8,6 +8,7 @@ enum { EXIT_DONE = 0, EXIT_FAULT = 1, EXIT_BAD_INPUT = 2 };
 int trace_info(int argc, char **argv);
 int trace_import(int argc, char **argv);
 int trace_record(int argc, char **argv);
+int trace_align(int argc, char **argv);
 
 // One line on standard error, "gloved-trace: ..."; returns `code`.
 int trace_fail(int code, const char *format, ...) __attribute__((format(printf, 2, 3)));
