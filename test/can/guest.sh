@@ -5,7 +5,7 @@
 set -u
 : "${B:?the build directory}"
 out=$1
-device_options=
+device_options='--duration 3'
 log=/tmp/can; mkdir -p $log; cd "$(dirname "$0")/../.."
 
 # engine NAME [OPTION...]: gloved in the background.
@@ -13,12 +13,13 @@ engine() {
   name=$1; shift
   "$B/gloved" --config test/can/slow.conf --no-rt --summary $log/$name.json "$@" >$log/$name.gloved 2>&1 & engine=$!
 }
-# begin NAME IFACE SCRIPT SECONDS [OPTION of gloved...], finish: both, until the script is over.
+# begin NAME IFACE SCRIPT SECONDS [OPTION of gloved...], then finish: both, until the script is over; or stop.
 begin() {
   name=$1 iface=$2 script=$3 seconds=$4; shift 4
   engine "$name" --fcu "can:$iface" --duration "$seconds" "$@"
   "$B/fcusim" --can "$iface" --script "test/can/$script.user" $device_options --report $log/$name.fcusim.json >$log/$name.fcusim 2>&1 & device=$!
 }
+stop() { kill $device; finish; }
 finish() { wait $device; echo $? >$log/$name.fcusim.code; kill $engine 2>/dev/null; wait $engine; echo $? >$log/$name.code; }
 # await WORDS SECONDS: waits for the words in what gloved says, then that long.
 await() {
@@ -29,6 +30,7 @@ replay() { "$B/gloved" --config test/can/slow.conf --fcu "trace:$log/$1?speed=0"
 
 # A whole grasp, kept by candump and by gloved itself; then the recordings, as fast as possible and over the bus.
 candump -L vcan0 >$log/candump.log & dump=$!
+device_options=
 begin grasp vcan0 grasp 20 --record $log/record.log
 finish
 kill $dump
@@ -41,6 +43,7 @@ engine canplayer --fcu can:vcan0 --duration 20
 await 'start -> wait' 0; canplayer -I $log/device.log; sleep 0.7; kill $engine; wait $engine; echo $? >$log/canplayer.code
 
 # What a bad link does. vcan has echo=1: what one side sends passes netem on its way to the other.
+device_options='--duration 3'
 for fault in 'loss 3%' 'duplicate 5%' 'delay 3ms 2ms' 'corrupt 5%'; do
   tc qdisc add dev vcan0 root netem $fault
   begin "netem_${fault%% *}" vcan0 press 20
@@ -49,25 +52,28 @@ for fault in 'loss 3%' 'duplicate 5%' 'delay 3ms 2ms' 'corrupt 5%'; do
 done
 
 # The cable: down and up, removed and made again, while a force flows; then the same hand presses again.
+device_options=
 begin down vcan0 press 20
-await 'armed -> active' 0.3; ip link set vcan0 down; sleep 0.5; ip link set vcan0 up
-finish
+await 'armed -> active' 0.3; ip link set vcan0 down; await 'active -> fault' 0.1; ip link set vcan0 up
+await 'fault -> wait' 0.5; stop
 begin removed vcan0 press 20
-await 'armed -> active' 0.3; ip link del vcan0; sleep 0.3; ip link add dev vcan0 type vcan && ip link set vcan0 mtu 72 up
-finish
+await 'armed -> active' 0.3; ip link del vcan0; await 'active -> fault' 0.1; ip link add dev vcan0 type vcan && ip link set vcan0 mtu 72 up
+await 'fault -> wait' 0.5; stop
 
 # A full queue, error frames, a reader that does not read.
 tc qdisc add dev vcan0 root netem delay 40ms limit 8
-begin full vcan0 press 1.5
+device_options='--duration 1.5'
+begin full vcan0 press 20
 finish
 tc qdisc del dev vcan0 root
+device_options=
 begin flood vcan0 press 20
 await 'armed -> active' 0.1; for _ in 1 2 3; do cansend vcan0 20000004#0000000000000000; done
-kill -STOP $engine; cangen vcan0 -I 110 -L 48 -f -g 0 -n 3000; kill -CONT $engine
-finish
+kill -STOP $engine; cangen vcan0 -I 110 -L 48 -f -g 0 -n 3000; kill -CONT $engine; await 'active -> fault' 0.2
+stop
 
 # Classic CAN: the same hand at the rates of real devices, in frames of 8 bytes.
-device_options='--device glove_hz_min=100 --device glove_hz_max=100 --device tracker_hz=60'
+device_options='--device glove_hz_min=100 --device glove_hz_max=100 --device tracker_hz=60 --duration 3'
 ip link add dev vcan1 type vcan && ip link set vcan1 mtu 16 up
 candump -L vcan1 >$log/classic.log & dump=$!
 begin classic vcan1 press 20 --record $log/classic_record.log
