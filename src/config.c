@@ -22,6 +22,7 @@ gv_config gv_config_default(void) {
     .world_cfm = 1e-10,
     .contact_margin_m = 0.0005,
     .solver = GV_SOLVER_AUTO, .dantzig_contacts = 24, .quick_iterations = 50,
+    .rest_s = 0.2,
   };
 }
 
@@ -58,6 +59,7 @@ const char *gv_config_check(const gv_config *c) {
     {"contact_erp", c->contact_erp, 0, 1}, {"contact_cfm", c->contact_cfm, 1e-9, 1},
     {"world_cfm", c->world_cfm, 1e-14, 1e-2}, {"contact_margin_m", c->contact_margin_m, 0, 0.01},
     {"dantzig_contacts", c->dantzig_contacts, 0, GV_MAX_CONTACTS}, {"quick_iterations", c->quick_iterations, 1, 1000},
+    {"rest_s", c->rest_s, 0, 100},
     {"override_gravity_m_s2", c->override_gravity_m_s2, 0, 100}, {"override_mass_kg", c->override_mass_kg, 0, 1000},
     {"override_mu", c->override_mu, 0, 1e4},
   };

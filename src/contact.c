@@ -31,28 +31,35 @@ static void join_box(gv_aabb *box, const gv_aabb *other) {
 }
 
 // How far the surface of a body can come in one step, plus its half of the contact margin.
-static double body_margin(const gv_engine *e, int body, double reach) {
-  gv_limb_state s = gv_dynamics_predict(e->dyn, body);
-  double travel = e->cfg.step_s * (gv_norm(s.v) + gv_norm(s.w) * reach);
+static double body_margin(const gv_engine *e, const gv_limb_state *s, double reach) {
+  double travel = e->cfg.step_s * (gv_norm(s->v) + gv_norm(s->w) * reach);
   return 0.5 * e->cfg.contact_margin_m + fmin(travel, 0.02);
 }
 
-static double object_margin(const gv_engine *e, int object) {
-  return body_margin(e, GV_LIMBS + object, e->object_reach[object]);
+static void bound_limbs(gv_engine *e) {
+  for (int i = 0; i < GV_LIMBS; i++) {
+    gv_aabb *box = &e->limb_box[i];
+    gv_limb_state *s = &e->predicted[i];
+    *s = gv_dynamics_predict(e->dyn, i);
+    e->margin[i] = body_margin(e, s, e->limb_reach[i]);
+    gv_shape_aabb(&e->limb_shape[i], &s->T, &box->min, &box->max);
+    grow_box(box, e->margin[i]);
+    if (i == 0) e->hand_box = *box;
+    else join_box(&e->hand_box, box);
+  }
 }
 
-static void bound_objects(gv_engine *e) {
-  for (int o = 0; o < e->scene->object_count; o++) {
-    const gv_object *object = &e->scene->object[o];
-    const gv_pose *T = &gv_dynamics_state(e->dyn, GV_LIMBS + o)->T;
-    double margin = object_margin(e, o);
-    for (int i = object->piece_first; i < object->piece_first + object->piece_count; i++) {
-      gv_aabb *box = &e->piece_box[i];
-      gv_shape_aabb(&e->piece_shape[i], T, &box->min, &box->max);
-      grow_box(box, margin);
-      if (i == object->piece_first) e->object_box[o] = *box;
-      else join_box(&e->object_box[o], box);
-    }
+static void bound_object(gv_engine *e, int o) {
+  const gv_object *object = &e->scene->object[o];
+  gv_limb_state *s = &e->predicted[GV_LIMBS + o];
+  *s = gv_dynamics_predict(e->dyn, GV_LIMBS + o);
+  e->margin[GV_LIMBS + o] = body_margin(e, s, e->object_reach[o]);
+  for (int i = object->piece_first; i < object->piece_first + object->piece_count; i++) {
+    gv_aabb *box = &e->piece_box[i];
+    gv_shape_aabb(&e->piece_shape[i], &s->T, &box->min, &box->max);
+    grow_box(box, e->margin[GV_LIMBS + o]);
+    if (i == object->piece_first) e->object_box[o] = *box;
+    else join_box(&e->object_box[o], box);
   }
 }
 
@@ -96,14 +103,14 @@ static void collide_pair(gv_engine *e, const pair *p) {
   }
   gv_contact_point point[GV_MAX_PAIR_CONTACTS];
   gv_distance distance;
-  gv_limb_state a = gv_dynamics_predict(e->dyn, p->body_a), b = gv_dynamics_predict(e->dyn, p->body_b);
-  int count = gv_manifold_pair(p->shape_a, &a.T, p->shape_b, &b.T, p->margin, p->cache, point, &distance);
+  const gv_limb_state *a = &e->predicted[p->body_a], *b = &e->predicted[p->body_b];
+  int count = gv_manifold_pair(p->shape_a, &a->T, p->shape_b, &b->T, p->margin, p->cache, point, &distance);
   bool overlap = distance.method == GV_NARROW_EPA || distance.method == GV_NARROW_FACES;
   if (overlap && p->body_a < GV_LIMBS) {
     e->events |= GV_EVENT_OVERLAP;
     e->counters.overlaps++;
   }
-  for (int i = 0; i < count; i++) add_contact(e, p, &point[i], &a, &b);
+  for (int i = 0; i < count; i++) add_contact(e, p, &point[i], a, b);
 }
 
 static rub rub_of_hand(const gv_engine *e) { return (rub){e->cfg.friction, e->cfg.mu_hand, GV_MATERIAL_HAND}; }
@@ -121,53 +128,113 @@ static rub rub_between(const gv_engine *e, rub a, rub b) {
   return (rub){a.friction, sqrt(a.mu * b.mu), GV_MATERIAL_NONE};
 }
 
-static void collide_limb(gv_engine *e, int limb) {
-  const gv_limb_state *s = gv_dynamics_state(e->dyn, limb);
-  double margin = body_margin(e, limb, e->limb_reach[limb]);
-  gv_aabb box;
-  gv_shape_aabb(&e->limb_shape[limb], &s->T, &box.min, &box.max);
-  grow_box(&box, margin);
-  for (int o = 0; o < e->scene->object_count; o++) {
-    const gv_object *object = &e->scene->object[o];
-    if (!boxes_meet(&box, &e->object_box[o])) continue;
-    double both = margin + object_margin(e, o);
-    rub rubbing = rub_between(e, rub_of_hand(e), rub_of_object(object));
-    for (int i = object->piece_first; i < object->piece_first + object->piece_count; i++) {
-      if (!boxes_meet(&box, &e->piece_box[i])) continue;
-      collide_pair(e, &(pair){limb, GV_LIMBS + o, &e->limb_shape[limb], &e->piece_shape[i], both,
-                              rubbing, &e->limb_cache[limb * e->scene->piece_count + i]});
-    }
+static void collide_limb(gv_engine *e, int limb, int o) {
+  const gv_object *object = &e->scene->object[o];
+  const gv_aabb *box = &e->limb_box[limb];
+  double margin = e->margin[limb] + e->margin[GV_LIMBS + o];
+  rub rubbing = rub_between(e, rub_of_hand(e), rub_of_object(object));
+  for (int i = object->piece_first; i < object->piece_first + object->piece_count; i++) {
+    if (!boxes_meet(box, &e->piece_box[i])) continue;
+    collide_pair(e, &(pair){limb, GV_LIMBS + o, &e->limb_shape[limb], &e->piece_shape[i], margin, rubbing,
+                            &e->limb_cache[limb * e->scene->piece_count + i]});
   }
 }
 
-// a moves; b may be static.
+static void collide_hand(gv_engine *e) {
+  for (int o = 0; o < e->scene->object_count; o++) {
+    if (!boxes_meet(&e->hand_box, &e->object_box[o])) continue;
+    for (int i = 0; i < GV_LIMBS; i++)
+      if (boxes_meet(&e->limb_box[i], &e->object_box[o])) collide_limb(e, i, o);
+  }
+}
+
+// a moves; b may be static or at rest.
 static void collide_objects(gv_engine *e, int a, int b) {
   const gv_object *A = &e->scene->object[a], *B = &e->scene->object[b];
-  double margin = object_margin(e, a) + object_margin(e, b);
+  double margin = e->margin[GV_LIMBS + a] + e->margin[GV_LIMBS + b];
   rub rubbing = rub_between(e, rub_of_object(A), rub_of_object(B));
   for (int i = A->piece_first; i < A->piece_first + A->piece_count; i++) {
     if (!boxes_meet(&e->piece_box[i], &e->object_box[b])) continue;
     for (int j = B->piece_first; j < B->piece_first + B->piece_count; j++) {
       if (!boxes_meet(&e->piece_box[i], &e->piece_box[j])) continue;
       int high = i > j ? i : j, low = i > j ? j : i;
-      collide_pair(e, &(pair){GV_LIMBS + a, GV_LIMBS + b, &e->piece_shape[i], &e->piece_shape[j], margin,
-                              rubbing, &e->piece_cache[high * (high - 1) / 2 + low]});
+      collide_pair(e, &(pair){GV_LIMBS + a, GV_LIMBS + b, &e->piece_shape[i], &e->piece_shape[j], margin, rubbing,
+                              &e->piece_cache[high * (high - 1) / 2 + low]});
     }
   }
 }
 
+static bool is_moving(const gv_engine *e, int o) { return !e->scene->object[o].is_static && !e->resting[o]; }
+
+static void bound_objects(gv_engine *e) {
+  for (int o = 0; o < e->scene->object_count; o++)
+    if (is_moving(e, o) || e->counters.steps == 0) bound_object(e, o);
+}
+
+// ---- objects at rest ------------------------------------------------------------------------------
+
+// Slower than this all the time, a body is held still by what it lies on (or by nothing, without gravity).
+static const double still_m_s = 1e-4;
+
+void gv_engine_wake_object(gv_engine *e, int o) {
+  e->still_steps[o] = 0;
+  if (!e->resting[o]) return;
+  e->resting[o] = false;
+  gv_dynamics_set_rest(e->dyn, GV_LIMBS + o, false);
+}
+
+static bool hand_is_near(const gv_engine *e, int o) {
+  if (!e->placed || !boxes_meet(&e->hand_box, &e->object_box[o])) return false;
+  for (int i = 0; i < GV_LIMBS; i++)
+    if (boxes_meet(&e->limb_box[i], &e->object_box[o])) return true;
+  return false;
+}
+
+// Something that moves has come near, or a push from outside.
+static bool is_disturbed(const gv_engine *e, int o) {
+  if (gv_dynamics_pushed(e->dyn, GV_LIMBS + o) || hand_is_near(e, o)) return true;
+  for (int k = 0; k < e->scene->object_count; k++)
+    if (is_moving(e, k) && e->still_steps[k] == 0 && boxes_meet(&e->object_box[k], &e->object_box[o])) return true;
+  return false;
+}
+
+static void wake_objects(gv_engine *e) {
+  for (int o = 0; o < e->scene->object_count; o++) {
+    if (!e->resting[o] || !is_disturbed(e, o)) continue;
+    gv_engine_wake_object(e, o);
+    bound_object(e, o);
+  }
+}
+
+void gv_engine_put_to_rest(gv_engine *e) {
+  const int enough = (int)(e->cfg.rest_s / e->cfg.step_s);
+  for (int o = 0; o < e->scene->object_count; o++) {
+    if (!is_moving(e, o)) continue;
+    const gv_limb_state *s = gv_dynamics_state(e->dyn, GV_LIMBS + o);
+    bool still = gv_norm(s->v) + gv_norm(s->w) * e->object_reach[o] < still_m_s;
+    e->still_steps[o] = still ? e->still_steps[o] + 1 : 0;
+    if (e->cfg.rest_s <= 0.0 || e->still_steps[o] < enough || hand_is_near(e, o)) continue;
+    e->resting[o] = true;
+    gv_dynamics_set_rest(e->dyn, GV_LIMBS + o, true);
+  }
+}
+
+// ---- all together ---------------------------------------------------------------------------------
+
+// Pairs of which one moves, each once.
+static void collide_moving(gv_engine *e, int a) {
+  for (int b = 0; b < e->scene->object_count; b++)
+    if (b != a && (b > a || !is_moving(e, b)) && boxes_meet(&e->object_box[a], &e->object_box[b])) collide_objects(e, a, b);
+}
+
 void gv_engine_collide(gv_engine *e) {
   e->contact_count = e->pair_count = 0;
+  if (e->placed) bound_limbs(e);
   bound_objects(e);
-  if (e->placed)
-    for (int i = 0; i < GV_LIMBS; i++) collide_limb(e, i);
+  wake_objects(e);
+  if (e->placed) collide_hand(e);
   for (int a = 0; a < e->scene->object_count; a++)
-    for (int b = a + 1; b < e->scene->object_count; b++) {
-      bool a_static = e->scene->object[a].is_static, b_static = e->scene->object[b].is_static;
-      if ((a_static && b_static) || !boxes_meet(&e->object_box[a], &e->object_box[b])) continue;
-      if (a_static) collide_objects(e, b, a);
-      else collide_objects(e, a, b);
-    }
+    if (is_moving(e, a)) collide_moving(e, a);
   if ((uint32_t)e->pair_count > e->counters.pairs_max) e->counters.pairs_max = (uint32_t)e->pair_count;
   if ((uint32_t)e->contact_count > e->counters.contacts_max) e->counters.contacts_max = (uint32_t)e->contact_count;
 }

@@ -18,16 +18,21 @@
 // ODE keeps two step blocks, one for the islands and one for the solver. Dantzig with 128 contacts (384 rows)
 // asks for about 3 MB; set-up and joints take 0.2 MB of the pool.
 enum { STEP_BLOCKS = 2, STEP_BYTES = 5 << 20, POOL_BYTES = 1 << 20 };
+// The most contacts of one island that Dantzig's memory is made for, and the fewest iterations that QuickStep is worth.
+enum { DANTZIG_MOST = 128, QUICK_LEAST = 10 };
 
 struct gv_dynamics {
   dWorldID world;
   dThreadingImplementationID threading;
   dJointGroupID contacts;
   dBodyID body[GV_BODIES];           // null: static or unused
+  bool in_ode[GV_BODIES];            // simulated by ODE; else at rest, parked, or a limb that touches nothing
+  bool parked;                       // the limbs have no driver yet
   gv_limb_state state[GV_BODIES];    // copy after each step
   gv_vec3 force[GV_BODIES], torque[GV_BODIES]; // applied in the coming step, gravity apart
   double mass[GV_BODIES];            // without what the coupling adds
   double inv_mass[GV_BODIES];        // of the body as ODE sees it
+  double inv_inertia[GV_LIMBS];      // the same
   gv_mat3 inertia[GV_BODIES];
   int body_count;
   gv_vec3 gravity;
@@ -81,6 +86,24 @@ static void leave_step(int number, const char *text, va_list args) {
 
 static gv_vec3 from_ode(const dReal *v) { return gv_v3(v[0], v[1], v[2]); }
 
+static void write_state(gv_dynamics *dyn, int i) {
+  const gv_limb_state *s = &dyn->state[i];
+  const dQuaternion q = {s->T.q.w, s->T.q.x, s->T.q.y, s->T.q.z};
+  dBodySetPosition(dyn->body[i], s->T.p.x, s->T.p.y, s->T.p.z);
+  dBodySetQuaternion(dyn->body[i], q);
+  dBodySetLinearVel(dyn->body[i], s->v.x, s->v.y, s->v.z);
+  dBodySetAngularVel(dyn->body[i], s->w.x, s->w.y, s->w.z);
+}
+
+// Takes a body into ODE's simulation with the state that it has here, or out of it.
+static void put_in_ode(gv_dynamics *dyn, int i, bool in) {
+  if (!dyn->body[i] || dyn->in_ode[i] == in) return;
+  dyn->in_ode[i] = in;
+  if (!in) { dBodyDisable(dyn->body[i]); return; }
+  write_state(dyn, i);
+  dBodyEnable(dyn->body[i]);
+}
+
 static void read_back(gv_dynamics *dyn, int i) {
   dBodyID b = dyn->body[i];
   const dReal *q = dBodyGetQuaternion(b);
@@ -108,6 +131,7 @@ static void create_body(gv_dynamics *dyn, int i, double mass, const gv_mat3 *ine
 void gv_dynamics_set_limb(gv_dynamics *dyn, int limb, const gv_spring *spring, double inertia) {
   const gv_mat3 own = {{{inertia, 0, 0}, {0, inertia, 0}, {0, 0, inertia}}};
   set_mass(dyn, limb, spring->mass_kg, spring->added_mass_kg, &own, spring->added_inertia);
+  dyn->inv_inertia[limb] = 1.0 / (inertia + spring->added_inertia);
 }
 
 // I / m = 2/5 r^2 with 4/3 pi r^3 = volume.
@@ -137,6 +161,7 @@ static void create_object(gv_dynamics *dyn, const gv_scene *scene, int index) {
     for (int c = 0; c < 3; c++)
       inertia.m[r][c] = sphere > 0.0 ? (r == c ? sphere : 0.0) : inertia.m[r][c] * mass / o->mass_kg;
   create_body(dyn, GV_LIMBS + index, mass, &inertia);
+  dyn->in_ode[GV_LIMBS + index] = true;
 }
 
 static gv_vec3 choose_gravity(const gv_config *cfg, const gv_scene *scene) {
@@ -218,6 +243,7 @@ gv_dynamics *gv_dynamics_create(gv_arena *arena, const gv_config *cfg, const gv_
   for (int i = 0; i < GV_LIMBS; i++) {
     create_limb(dyn, i);
     gv_dynamics_set_limb(dyn, i, &spring[i], limb_inertia[i]);
+    dyn->in_ode[i] = true;
     read_back(dyn, i);
   }
   for (int i = 0; i < scene->object_count; i++) {
@@ -246,22 +272,25 @@ void gv_dynamics_destroy(gv_dynamics *dyn) {
 const gv_limb_state *gv_dynamics_state(const gv_dynamics *dyn, int body) { return &dyn->state[body]; }
 
 void gv_dynamics_set_state(gv_dynamics *dyn, int body, const gv_limb_state *s) {
-  dBodyID b = dyn->body[body];
-  if (!b || !gv_pose_finite(s->T) || !gv_v3_finite(s->v) || !gv_v3_finite(s->w)) return;
-  const gv_quat u = gv_quat_normalize(s->T.q);
-  const dQuaternion q = {u.w, u.x, u.y, u.z};
-  dBodySetPosition(b, s->T.p.x, s->T.p.y, s->T.p.z);
-  dBodySetQuaternion(b, q);
-  dBodySetLinearVel(b, s->v.x, s->v.y, s->v.z);
-  dBodySetAngularVel(b, s->w.x, s->w.y, s->w.z);
-  read_back(dyn, body);
+  if (!dyn->body[body] || !gv_pose_finite(s->T) || !gv_v3_finite(s->v) || !gv_v3_finite(s->w)) return;
+  dyn->state[body] = *s;
+  dyn->state[body].T.q = gv_quat_normalize(s->T.q);
+  write_state(dyn, body);
+  read_back(dyn, body);  // ODE normalizes once more
 }
 
 void gv_dynamics_park_limbs(gv_dynamics *dyn, bool parked) {
-  for (int i = 0; i < GV_LIMBS; i++) {
-    if (parked) dBodyDisable(dyn->body[i]);
-    else dBodyEnable(dyn->body[i]);
-  }
+  dyn->parked = parked;
+  for (int i = 0; i < GV_LIMBS; i++) put_in_ode(dyn, i, false);
+}
+
+void gv_dynamics_set_rest(gv_dynamics *dyn, int body, bool rest) {
+  if (rest) dyn->state[body].v = dyn->state[body].w = gv_v3(0, 0, 0);
+  put_in_ode(dyn, body, !rest);
+}
+
+bool gv_dynamics_pushed(const gv_dynamics *dyn, int body) {
+  return gv_norm2(dyn->force[body]) > 0.0 || gv_norm2(dyn->torque[body]) > 0.0;
 }
 
 gv_vec3 gv_dynamics_gravity(const gv_dynamics *dyn) { return dyn->gravity; }
@@ -270,7 +299,7 @@ double gv_dynamics_mass(const gv_dynamics *dyn, int body) { return dyn->body[bod
 
 gv_limb_state gv_dynamics_predict(const gv_dynamics *dyn, int body) {
   gv_limb_state s = dyn->state[body];
-  if (!dyn->body[body]) { s.v = s.w = gv_v3(0, 0, 0); return s; }
+  if (!dyn->body[body] || (body >= GV_LIMBS && !dyn->in_ode[body])) { s.v = s.w = gv_v3(0, 0, 0); return s; }
   double h = dyn->cfg->step_s;
   s.v = gv_mad(s.v, h * dyn->inv_mass[body], dyn->force[body]);
   if (body >= GV_LIMBS) s.v = gv_mad(s.v, h, dyn->gravity);
@@ -308,8 +337,63 @@ static void create_contact(gv_dynamics *dyn, const gv_dynamics_contact *c, dJoin
   dReal *to[3] = {k.geom.pos, k.geom.normal, k.fdir1};
   for (int i = 0; i < 3; i++) { to[i][0] = v[i].x; to[i][1] = v[i].y; to[i][2] = v[i].z; }
   dJointID joint = dJointCreateContact(dyn->world, dyn->contacts, &k);
-  dJointAttach(joint, dyn->body[c->body_a], dyn->body[c->body_b]);
+  dJointAttach(joint, dyn->body[c->body_a], dyn->in_ode[c->body_b] ? dyn->body[c->body_b] : NULL);
   dJointSetFeedback(joint, feedback);
+}
+
+static int find_root(uint8_t *parent, int i) {
+  for (; parent[i] != i; i = parent[i]) parent[i] = parent[parent[i]];
+  return i;
+}
+
+// Contacts of the largest group of bodies that touch each other: ODE solves each group alone. Union by path halving.
+static int largest_island(const gv_dynamics *dyn, const gv_dynamics_contact *contact, int count) {
+  uint8_t parent[GV_BODIES];
+  int contacts[GV_BODIES] = {0};
+  int largest = 0;
+  for (int i = 0; i < GV_BODIES; i++) parent[i] = (uint8_t)i;
+  for (int i = 0; i < count; i++) {
+    int a = find_root(parent, contact[i].body_a);
+    if (dyn->in_ode[contact[i].body_b]) parent[a] = (uint8_t)find_root(parent, contact[i].body_b);
+  }
+  for (int i = 0; i < count; i++) {
+    int at = find_root(parent, contact[i].body_a);
+    if (++contacts[at] > largest) largest = contacts[at];
+  }
+  return largest;
+}
+
+// Dantzig's exact solver where its cost, the cube of an island's rows, fits into the share of the period that the
+// solver has; else QuickStep with as many iterations as fit. Costs as measured by `make bench`.
+static bool choose_solver(gv_dynamics *dyn, const gv_dynamics_contact *contact, int count) {
+  const gv_config *cfg = dyn->cfg;
+  const double share_ns = 0.4e9 * cfg->step_s;
+  int island = largest_island(dyn, contact, count), most = cfg->solver == GV_SOLVER_DANTZIG ? DANTZIG_MOST : cfg->dantzig_contacts;
+  double rows = 3.0 * island, dantzig_ns = 0.5 * rows * rows * rows;
+  bool fits = island <= most && (cfg->solver == GV_SOLVER_DANTZIG || dantzig_ns <= share_ns);
+  if (cfg->solver != GV_SOLVER_QUICK && fits) return false;
+  double iterations = share_ns / (15.0 * 3.0 * fmax(count, 1));
+  dWorldSetQuickStepNumIterations(dyn->world, (int)gv_clamp(iterations, fmin(QUICK_LEAST, cfg->quick_iterations), cfg->quick_iterations));
+  return true;
+}
+
+// A limb that touches nothing needs no solver: the same semi-implicit step as ODE's, for a body whose inertia
+// is the same about every axis.
+static void step_free_limb(gv_dynamics *dyn, int i) {
+  gv_limb_state *s = &dyn->state[i];
+  const double h = dyn->cfg->step_s;
+  s->v = gv_mad(s->v, h * dyn->inv_mass[i], dyn->force[i]);
+  s->w = gv_mad(s->w, h * dyn->inv_inertia[i], dyn->torque[i]);
+  s->T.p = gv_mad(s->T.p, h, s->v);
+  gv_quat q = s->T.q, d = gv_quat_mul((gv_quat){0, s->w.x, s->w.y, s->w.z}, q);
+  s->T.q = gv_quat_normalize((gv_quat){q.w + 0.5 * h * d.w, q.x + 0.5 * h * d.x, q.y + 0.5 * h * d.y, q.z + 0.5 * h * d.z});
+}
+
+// Limbs join ODE's world while they touch something.
+static void sort_limbs(gv_dynamics *dyn, const gv_dynamics_contact *contact, int count) {
+  bool touches[GV_BODIES] = {false};
+  for (int i = 0; i < count; i++) touches[contact[i].body_a] = touches[contact[i].body_b] = true;
+  for (int i = 0; i < GV_LIMBS; i++) put_in_ode(dyn, i, touches[i]);
 }
 
 // False where ODE has no memory for the step, or gave it up: the bodies are where they were.
@@ -318,7 +402,7 @@ static bool try_step(gv_dynamics *dyn, const gv_dynamics_contact *contact, int c
   for (int i = 0; i < count; i++)
     if (contact_sound(&contact[i])) create_contact(dyn, &contact[i], &dyn->feedback[i]);
   for (int i = 0; i < dyn->body_count; i++) {
-    if (!dyn->body[i]) continue;
+    if (!dyn->in_ode[i]) continue;
     dBodyAddForce(dyn->body[i], dyn->force[i].x, dyn->force[i].y, dyn->force[i].z);
     dBodyAddTorque(dyn->body[i], dyn->torque[i].x, dyn->torque[i].y, dyn->torque[i].z);
   }
@@ -337,9 +421,8 @@ static bool try_step(gv_dynamics *dyn, const gv_dynamics_contact *contact, int c
 }
 
 bool gv_dynamics_step(gv_dynamics *dyn, const gv_dynamics_contact *contact, int count, gv_vec3 force_on_a[]) {
-  const gv_config *cfg = dyn->cfg;
-  bool quick = cfg->solver == GV_SOLVER_QUICK || (cfg->solver == GV_SOLVER_AUTO && count > cfg->dantzig_contacts);
-  bool done = try_step(dyn, contact, count, quick);
+  sort_limbs(dyn, contact, count);
+  bool quick = choose_solver(dyn, contact, count), done = try_step(dyn, contact, count, quick);
   if (!done) dyn->solver_errors++;
   if (!done && !quick) {
     quick = true;
@@ -347,8 +430,9 @@ bool gv_dynamics_step(gv_dynamics *dyn, const gv_dynamics_contact *contact, int 
   }
   for (int i = 0; i < count; i++) force_on_a[i] = from_ode(dyn->feedback[i].f1);
   for (int i = 0; i < dyn->body_count; i++) {
+    if (dyn->in_ode[i]) read_back(dyn, i);
+    else if (i < GV_LIMBS && !dyn->parked) step_free_limb(dyn, i);
     dyn->force[i] = dyn->torque[i] = gv_v3(0, 0, 0);
-    if (dyn->body[i]) read_back(dyn, i);
   }
   return quick;
 }
@@ -369,7 +453,7 @@ void gv_dynamics_warm_up(gv_dynamics *dyn) {
   const gv_config *own = dyn->cfg;
   dyn->cfg = warm;
   warm->solver = GV_SOLVER_DANTZIG;
-  gv_dynamics_step(dyn, contact, GV_MAX_CONTACTS, unused);
+  gv_dynamics_step(dyn, contact, DANTZIG_MOST, unused);
   warm->solver = GV_SOLVER_QUICK;
   gv_dynamics_step(dyn, contact, GV_MAX_CONTACTS, unused);
   dyn->cfg = own;

@@ -35,6 +35,10 @@ void gv_dynamics_set_state(gv_dynamics *dyn, int body, const gv_limb_state *stat
 void gv_dynamics_set_limb(gv_dynamics *dyn, int limb, const gv_spring *spring, double inertia);
 // A limb without a driver is parked: not simulated.
 void gv_dynamics_park_limbs(gv_dynamics *dyn, bool parked);
+// An object at rest stands still and is not simulated; others see it as static.
+void gv_dynamics_set_rest(gv_dynamics *dyn, int body, bool rest);
+// Was a force added for the coming step?
+bool gv_dynamics_pushed(const gv_dynamics *dyn, int body);
 gv_vec3 gv_dynamics_gravity(const gv_dynamics *dyn);
 double gv_dynamics_mass(const gv_dynamics *dyn, int body); // 0: static
 // Velocity that a body would have after the step without contacts.

@@ -103,6 +103,7 @@ void gv_engine_reset(gv_engine *e) {
   memset(e->felt_f, 0, sizeof e->felt_f);
   memset(e->felt_t, 0, sizeof e->felt_t);
   gv_dynamics_park_limbs(e->dyn, true);
+  for (int o = 0; o < e->scene->object_count; o++) gv_engine_wake_object(e, o);
   for (int o = 0; o < e->scene->object_count; o++)
     gv_dynamics_set_state(e->dyn, GV_LIMBS + o, &(gv_limb_state){.T = e->scene->object[o].T_world_body});
 }
@@ -221,6 +222,7 @@ void gv_engine_step(gv_engine *e, const gv_sample *sample, gv_step_result *out) 
   gv_engine_collide(e);           // collision detection, Eqn 5 to 8; contact definition, Eqn 9, 10
   solve(e);                       // equations of motion, Eqn 11 to 18
   guard_states(e);
+  gv_engine_put_to_rest(e);
   feel_coupling(e, out->tension_n); // constraint forces to the haptic hand interface
   e->counters.steps++;
   out->events = e->events;

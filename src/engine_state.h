@@ -31,6 +31,11 @@ struct gv_engine {
   gv_shape *piece_shape;               // [piece_count]
   gv_aabb *piece_box;                  // [piece_count] world, grown by the object's margin
   gv_aabb object_box[GV_MAX_OBJECTS];
+  gv_aabb limb_box[GV_LIMBS], hand_box; // the same of the limbs, and around all of them
+  double margin[GV_BODIES];            // how far each body's surface may come in this step, m
+  gv_limb_state predicted[GV_BODIES];  // poses of this step, velocities as they would be after it without contacts
+  int still_steps[GV_MAX_OBJECTS];     // how long an object has not moved
+  bool resting[GV_MAX_OBJECTS];        // not simulated until something comes near
   double object_reach[GV_MAX_OBJECTS]; // farthest vertex from the body's origin, m
   gv_pair_cache *limb_cache;           // [GV_LIMBS][piece_count]
   gv_pair_cache *piece_cache;          // [piece_count (piece_count - 1) / 2]
@@ -40,6 +45,11 @@ struct gv_engine {
   gv_counters counters;
   uint32_t events;
 };
+
+// Objects that lie still and alone are put to rest at a step's end and woken at the start of collision detection.
+void gv_engine_put_to_rest(gv_engine *engine);
+// The same for one, from outside.
+void gv_engine_wake_object(gv_engine *engine, int object);
 
 // Broad phase, narrow phase and contacts of this step into engine->contact and solver_contact.
 void gv_engine_collide(gv_engine *engine);

@@ -35,6 +35,7 @@ static gv_vec3 force_on_object(const lab *l, int object) {
 static void test_weight_on_the_table(void) {
   lab l;
   lab_start(&l);
+  l.cfg.rest_s = 0;  // an object at rest has no contacts
   lab_box(&l, gv_v3(1, 1, 0.04), gv_v3(0, 0, -0.02), 0, 0.8);
   int box = lab_box(&l, gv_v3(0.06, 0.05, 0.08), gv_v3(0, 0, 0.05), 0.2, 0.8);
   lab_run(&l);
@@ -109,6 +110,7 @@ static void test_coupling_at_rest_is_k_times_deviation(void) {
 static void test_action_equals_reaction(void) {
   lab l;
   lab_start(&l);
+  l.cfg.rest_s = 0;
   l.scene.gravity_m_s2 = gv_v3(0, 0, -G);
   lab_box(&l, gv_v3(1, 1, 0.04), gv_v3(0, 0, -0.02), 0, 0.8);
   int box = lab_box(&l, gv_v3(0.06, 0.06, 0.08), gv_v3(0.20, 0, 0.04), 0.2, 0.8);
@@ -210,7 +212,7 @@ static void test_more_contacts_than_fit(void) {
   lab l;
   lab_start(&l);
   lab_box(&l, gv_v3(4, 4, 0.04), gv_v3(0, 0, -0.02), 0, 0.8);
-  for (int i = 0; i < 60; i++) lab_box(&l, gv_v3(0.06, 0.06, 0.06), gv_v3(0.1 * (i % 10) - 0.5, 0.1 * (i / 10) - 0.3, 0.03), 0.2, 0.8);
+  for (int i = 0; i < 60; i++) lab_box(&l, gv_v3(0.06, 0.06, 0.06), gv_v3(0.0602 * (i % 10) - 0.3, 0.0602 * (i / 10) - 0.2, 0.03), 0.2, 0.8);  // they touch each other too
   lab_run(&l);
   lab_steps(&l, 200, NULL);
   const gv_counters *c = gv_engine_counters(l.engine);
@@ -247,6 +249,51 @@ static void test_a_solver_that_gives_up(void) {
     gv_engine_close(l.engine);
   }
   CHECK(given_up > 0, "these piles are too easy: nothing was tested");
+}
+
+// A tower of two boxes comes to rest and costs nothing; pushed, touched, or robbed of what it stands on, it moves
+// as if it had never rested.
+static void test_objects_at_rest(void) {
+  lab l;
+  lab_start(&l);
+  lab_box(&l, gv_v3(1, 1, 0.04), gv_v3(0, 0, -0.02), 0, 0.8);
+  int low = lab_box(&l, gv_v3(0.06, 0.06, 0.06), gv_v3(0, 0, 0.0305), 0.2, 0.8), high = lab_box(&l, gv_v3(0.04, 0.04, 0.04), gv_v3(0, 0, 0.081), 0.1, 0.8);
+  int far = lab_box(&l, gv_v3(0.04, 0.04, 0.04), gv_v3(0.3, 0, 0.02), 0.1, 0.8);
+  lab_run(&l);
+  lab_steps(&l, 2000, NULL);
+  int count;
+  gv_engine_contacts(l.engine, &count);
+  gv_pose stood = gv_engine_object_pose(l.engine, high), alone = gv_engine_object_pose(l.engine, far);
+  CHECK(count == 0, "%d contacts of objects at rest", count);
+  CHECK(fabs(stood.p.z - 0.08) < 2e-5, "the tower stands at %g", stood.p.z);
+  gv_engine_set_object(l.engine, low, (gv_pose){{1, 0, 0, 0}, {0, 0.2, 0.0305}}, gv_v3(0, 0, 0), gv_v3(0, 0, 0));
+  lab_steps(&l, 100, NULL);
+  double fallen = stood.p.z - gv_engine_object_pose(l.engine, high).p.z;
+  CHECK_NEAR(fallen, 0.5 * G * 0.1 * 0.1, 0.001);
+  lab_steps(&l, 2000, NULL);
+  gv_engine_push_object(l.engine, low, gv_v3(0, 40, 0), gv_v3(0, 0, 0));  // a kick of 0.2 m/s
+  lab_steps(&l, 50, NULL);
+  CHECK(gv_engine_object_pose(l.engine, low).p.y > 0.201, "kicked to %g", gv_engine_object_pose(l.engine, low).p.y);
+  gv_pose now = gv_engine_object_pose(l.engine, far);
+  CHECK(gv_norm(gv_sub(now.p, alone.p)) < 1e-9, "the third moved by %g", gv_norm(gv_sub(now.p, alone.p)));
+  gv_engine_close(l.engine);
+}
+
+// A support that slides away: what rests on it wakes and falls.
+static void test_support_pulled_away(void) {
+  lab l;
+  lab_start(&l);
+  lab_box(&l, gv_v3(1, 1, 0.04), gv_v3(0, 0, -0.02), 0, 0.1);
+  int low = lab_box(&l, gv_v3(0.06, 0.06, 0.06), gv_v3(0, 0, 0.0305), 0.2, 0.1), high = lab_box(&l, gv_v3(0.04, 0.04, 0.04), gv_v3(0, 0, 0.081), 0.1, 0.1);
+  lab_run(&l);
+  lab_steps(&l, 2000, NULL);
+  for (int i = 0; i < 300; i++) {
+    gv_engine_push_object(l.engine, low, gv_v3(4, 0, 0), gv_v3(0, 0, 0));
+    lab_steps(&l, 1, NULL);
+  }
+  lab_steps(&l, 500, NULL);
+  CHECK(gv_engine_object_pose(l.engine, high).p.z < 0.021, "hangs in the air at %g", gv_engine_object_pose(l.engine, high).p.z);
+  gv_engine_close(l.engine);
 }
 
 static void test_arena_one_byte_too_small(void) {
@@ -318,6 +365,8 @@ int main(void) {
   RUN(test_bad_samples_are_held_back);
   RUN(test_more_contacts_than_fit);
   RUN(test_a_solver_that_gives_up);
+  RUN(test_objects_at_rest);
+  RUN(test_support_pulled_away);
   RUN(test_arena_one_byte_too_small);
   RUN(test_same_bits_twice);
   RUN(test_reset_is_a_fresh_start);

@@ -45,6 +45,8 @@ typedef struct gv_config {
   // dynamics
   gv_solver solver;            // auto: Dantzig up to `dantzig_contacts`, QuickStep above
   int dantzig_contacts, quick_iterations;
+  double rest_s;               // an object that lies still for so long and touches no limb is not simulated, and has
+                               // no contacts, until something that moves comes near; 0: off
   // the paper's Table 1 in place of the scene's own values; 0 or false: as the scene says
   double override_gravity_m_s2, override_mass_kg;
   double override_mu;          // for every contact, in the model `friction`

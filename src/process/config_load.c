@@ -172,6 +172,7 @@ static void read_solver(gv_conf_group *root, gv_config *out) {
   if (gv_conf_choice(&group, "method", methods, &method)) out->solver = solver[method];
   gv_conf_integer(&group, "dantzig_contacts", 0, GV_MAX_CONTACTS, &out->dantzig_contacts);
   gv_conf_integer(&group, "quick_iterations", 1, 1000, &out->quick_iterations);
+  gv_conf_number(&group, "rest_s", 0, 100, &out->rest_s);
   gv_conf_leave(&group);
 }
 
