@@ -76,6 +76,12 @@ for option in --config --scene --fcu --tracker --rate --duration --lcm --log --r
   grep -q -e "$option" "$tmp/help" || code=1
 done
 verdict help_names_every_option $code "$(cat "$tmp/help")"
+for tool in gloved fcusim serialsim gloved-trace gloved-calibrate; do
+  [ "$("$B/$tool" --help | wc -l)" -gt 0 ]; verdict "help_of_$tool" $?
+done
+for tool in demo view record-trace packages; do
+  "tools/$tool" --help | grep -q "^$tool"; verdict "help_of_$tool" $?
+done
 "$gloved" --version | grep -qE '^gloved [0-9]+\.[0-9]+'; verdict version $?
 
 "$gloved" --check --fcu "$press" --lcm none --summary "$tmp/check.json" > "$tmp/out" 2> "$tmp/err"; code=$?

@@ -167,7 +167,8 @@ static void test_unusable_samples(void) {
   step_one(glove(0, GV_GLOVE_SENSOR_FAULT, 0));
   step_one(pose(GV_RECEIVER_HAND, 0.1, 0));
   step_one(pose(GV_RECEIVER_HAND, 0.1, GV_POSE_VALID | GV_POSE_TRACKER_ERROR));
-  CHECK(session.frames.unusable == 4, "%d unusable", (int)session.frames.unusable);
+  step_one(pose(GV_RECEIVER_HAND, 150, GV_POSE_VALID));
+  CHECK(session.frames.unusable == 5, "%d unusable", (int)session.frames.unusable);
   CHECK(!session.glove_seen && !session.hand_seen, "used all the same");
   step_one(pose(GV_RECEIVER_HEAD, 1.7, GV_POSE_VALID));
   CHECK(session.head_seen && !session.hand_seen, "the head's receiver is not the hand's");

@@ -71,6 +71,7 @@ def main():
         missing = [w for w in ("active", "index   |#", "contacts", "missed deadlines", "dead-man switch held", "lifted",
                                "safety: armed -> active") if w not in last]
         verdict("view_shows_the_state", f"no {missing} in\n{last}" if missing else "")
+        verdict("a_narrow_terminal_cuts_lines", "" if "\033[?7l" in text and text.rfind("\033[?7h") > text.rfind("\033[?7l") else text[:100])
         verdict("summary_follows_the_view", "" if "state hash" in after else after)
         text, code = watch(base, kill_after=4)
         verdict("view_gives_the_cursor_back", "" if text.rfind("\033[?25h") > text.rfind("\033[?25l") else text[-300:])

@@ -44,9 +44,12 @@ static session all;          // static: no heap, zeroed
 static volatile sig_atomic_t interrupted;
 static void on_signal(int number) { (void)number; interrupted = 1; }
 
+static const char usage_text[] =
+  "usage: fcusim --udp udp://HOST:PORT?listen=PORT|--can IFACE [--script FILE] [--device best|real|NAME=VALUE] "
+  "[--seed N] [--wait S] [--duration S] [--record FILE] [--report FILE.json]";
+
 static int usage(const char *what, const char *which) {
-  fprintf(stderr, "fcusim: %s%s; usage: fcusim --udp udp://HOST:PORT?listen=PORT|--can IFACE [--script FILE] [--device best|real|NAME=VALUE] "
-          "[--seed N] [--wait S] [--duration S] [--record FILE] [--report FILE.json]\n", what, which);
+  fprintf(stderr, "fcusim: %s%s; %s\n", what, which, usage_text);
   return 2;
 }
 
@@ -221,6 +224,7 @@ static int write_report(const char *path, const gv_sim_report *r, const gv_drive
 
 int main(int argc, char **argv) {
   options o;
+  if (argc == 2 && strcmp(argv[1], "--help") == 0) return puts(usage_text) < 0;
   int error = read_options(argc, argv, &o);
   if (error) return error;
   if (open_link(&o)) return 2;

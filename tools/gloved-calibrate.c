@@ -205,8 +205,10 @@ static int finish(void) {
 
 // ---- command line ---------------------------------------------------------------------------------
 
+static const char usage_text[] = "usage: gloved-calibrate --fcu URL [--out FILE] [--from FILE] [--side right|left] [--auto]";
+
 static int usage(const char *what, const char *which) {
-  fprintf(stderr, "gloved-calibrate: %s%s; usage: gloved-calibrate --fcu URL [--out FILE] [--from FILE] [--side right|left] [--auto]\n", what, which);
+  fprintf(stderr, "gloved-calibrate: %s%s; %s\n", what, which, usage_text);
   return 2;
 }
 
@@ -263,6 +265,7 @@ static int calibrate(void) {
 }
 
 int main(int argc, char **argv) {
+  if (argc == 2 && strcmp(argv[1], "--help") == 0) return puts(usage_text) < 0;
   int error = read_options(argc, argv);
   if (error) return error;
   if (gv_fcu_open(&all.settings, &all.driver, &all.pace, all.err, sizeof all.err)) {

@@ -45,10 +45,12 @@ static void on_signal(int number) { (void)number; interrupted = 1; }
 
 // ---- command line ---------------------------------------------------------------------------------
 
+static const char usage_text[] =
+  "usage: serialsim fastrak|cyberglove [--script FILE] [--device best|real|NAME=VALUE] [--sensors 18|22] "
+  "[--seed N] [--garbage P] [--gap P] [--noise P] [--reset S] [--unplug S] [--link PATH] [--config FILE] [--duration S]";
+
 static int fail(const char *what, const char *which) {
-  fprintf(stderr, "serialsim: %s%s; usage: serialsim fastrak|cyberglove [--script FILE] [--device best|real|NAME=VALUE] [--sensors 18|22] "
-          "[--seed N] [--garbage P] [--gap P] [--noise P] [--reset S] [--unplug S] [--link PATH] [--config FILE] [--duration S]\n",
-          what, which);
+  fprintf(stderr, "serialsim: %s%s; %s\n", what, which, usage_text);
   return 2;
 }
 
@@ -202,6 +204,7 @@ static int run(const options *o) {
 
 int main(int argc, char **argv) {
   options o;
+  if (argc == 2 && strcmp(argv[1], "--help") == 0) return puts(usage_text) < 0;
   int error = read_options(argc, argv, &o);
   if (error) return error;
   struct sigaction action;

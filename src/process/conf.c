@@ -64,7 +64,7 @@ static char *read_text(gv_conf *conf) {
   if (!text) fail_at(conf, 0, "out of memory while reading");
   else if (ferror(file)) fail_at(conf, 0, "cannot read: %s; give a text file", strerror(errno));
   else if (size >= GV_CONF_MAX_BYTES) fail_at(conf, 0, "larger than %d MB; simplify it", GV_CONF_MAX_BYTES >> 20);
-  else if (memchr(text, 0, size)) fail_at(conf, 0, "holds zero bytes: not a text file");
+  else if (memchr(text, 0, size)) fail_at(conf, 0, "holds zero bytes, so it is no text; give a text file");
   else text[size] = 0;
   fclose(file);
   if (conf->failed) { free(text); return NULL; }

@@ -159,7 +159,7 @@ static int report(program *p) {
   const bool written = gv_summary_json(&summary, p->summary_file) == 0;
   if (fclose(p->summary_file) == 0 && written) return fault ? FAULT : OK;
   fprintf(stderr, "gloved: %s: not written; make room on the disk\n", p->options.summary);
-  return BAD_INPUT;
+  return fault ? FAULT : BAD_INPUT;
 }
 
 static void say_what_was_found(const program *p) {

@@ -13,7 +13,7 @@
 #include "scene_friction.h"
 
 #define MAX_COORDINATE_M 10.0    // a scene fits a room; more is a file in millimetres
-#define MAX_DISTANCE_M 100.0     // of an object from the origin
+#define MAX_DISTANCE_M 40.0      // of an object from the origin along each axis; the engine puts bodies back at 100 m
 #define DEFAULT_FIT_M 1e-6       // mesh and pieces agree to the rounding of decimals in a text
 
 // The scene being filled. Counts run up to those of `scene`, which were counted before anything was allocated.

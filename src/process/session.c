@@ -12,6 +12,8 @@
 #include <math.h>
 #include <string.h>
 
+static const double farthest_m = 100.0;  // of the tracker's receiver from the origin
+
 void gv_session_init(gv_session *session, const gv_session_config *cfg, gv_engine *engine) {
   *session = (gv_session){.cfg = *cfg, .engine = engine, .glove_age_s = HUGE_VAL, .hand_age_s = HUGE_VAL};
   session->hand.T_world_receiver = session->sample.T_world_receiver = gv_pose_identity();
@@ -65,7 +67,8 @@ static gv_fcu_error take_pose(gv_session *session, const gv_frame *frame, int64_
   gv_pose_msg msg;
   gv_fcu_error error = gv_fcu_unpack_pose(frame, &msg);
   if (error || !accept_counter(&session->frames, &session->pose_stream, msg.counter)) return error;
-  if (!(msg.flags & GV_POSE_VALID) || (msg.flags & GV_POSE_TRACKER_ERROR)) {
+  // Beyond 100 m the engine refuses the pose: taking it as fresh here would let a force go on from an old one.
+  if (!(msg.flags & GV_POSE_VALID) || (msg.flags & GV_POSE_TRACKER_ERROR) || gv_norm(msg.T_world_receiver.p) > farthest_m) {
     session->frames.unusable++;
   } else if (msg.receiver == GV_RECEIVER_HEAD) {
     session->head = msg;

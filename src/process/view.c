@@ -114,7 +114,7 @@ static void print_line(const gv_loop *loop, const gv_snapshot *s) {
 void gv_view_open(gv_view *view, const char *title, const gv_scene *scene, double force_max_n, bool quiet) {
   *view = (gv_view){.scene = scene, .title = title, .quiet = quiet, .terminal = isatty(STDOUT_FILENO) == 1,
                     .force_max_n = force_max_n};
-  if (!quiet && view->terminal) fputs("\033[?25l\033[2J", stdout); // hide the cursor, clear
+  if (!quiet && view->terminal) fputs("\033[?25l\033[?7l\033[2J", stdout); // hide the cursor, cut long lines, clear
 }
 
 void gv_view_record(gv_view *view, const gv_record *record) {
@@ -134,6 +134,6 @@ void gv_view_snapshot(gv_view *view, int64_t now_ns, const gv_loop *loop, const 
 }
 
 void gv_view_close(gv_view *view) {
-  if (!view->quiet && view->terminal) fputs("\033[?25h", stdout);
+  if (!view->quiet && view->terminal) fputs("\033[?7h\033[?25h", stdout);
   fflush(stdout);
 }
