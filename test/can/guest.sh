@@ -69,7 +69,7 @@ tc qdisc del dev vcan0 root
 device_options=
 begin flood vcan0 press 20
 await 'armed -> active' 0.1; for _ in 1 2 3; do cansend vcan0 20000004#0000000000000000; done
-kill -STOP $engine; cangen vcan0 -I 110 -L 48 -f -g 0 -n 3000; kill -CONT $engine; await 'active -> fault' 0.2
+kill -STOP $engine; cangen vcan0 -I 110 -L 48 -f -g 0 -n 3000; sleep 0.7; kill -CONT $engine; await 'active -> fault' 0.2
 stop
 
 # Classic CAN: the same hand at the rates of real devices, in frames of 8 bytes.
