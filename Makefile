@@ -91,6 +91,13 @@ build/venv-view/.done: build/.run-packages
 	$(Q)python3 -m venv build/venv-view
 	$(Q)build/venv-view/bin/pip install -q --disable-pip-version-check drake==1.51.1 lcm websocket-client pillow
 	@touch $@
+## pictures: those of the documentation, made anew (data/pictures)
+pictures: build/.browser-packages build/venv-view/.done build/venv-plot/.done $(B)/gloved
+	$(Q)mkdir -p data/pictures
+	$(Q)B=$(B) build/venv-view/bin/python tools/pictures.py data/scripts/power_box.user data/scenes/box.scene 6 data/pictures/grasp.png
+	$(Q)$(B)/gloved --fcu 'sim:data/scripts/power_box.user?speed=0' --lcm none --log build/power_box.lcm >/dev/null
+	$(Q)build/venv-plot/bin/python tools/gloved-plot build/power_box.lcm --out build/power_box-plots >/dev/null
+	$(Q)cp build/power_box-plots/force.png data/pictures/force.png
 build/venv-look/.done: build/.run-packages
 	$(Q)tools/packages python3-venv
 	@echo "  VENV build/venv-look"
@@ -100,7 +107,7 @@ build/venv-look/.done: build/.run-packages
 build/.browser-packages: build/.run-packages
 	$(Q)tools/packages chromium
 	@touch $@
-.PHONY: view look test-view
+.PHONY: view look test-view pictures
 
 ## test: build and run every test
 test: build/.test-packages build/venv/.done build/venv-plot/.done

@@ -1,28 +1,24 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The 3D views as a person sees them: gloved, Drake's viewer or tools/look.py, and headless Chromium; the pictures are checked for the
 hand, the object, the forces and for movement, and kept in $B/test/view. Not part of `make test`: make test-view."""
-import base64
 import io
-import json
 import os
 import signal
 import subprocess
 import sys
 import tempfile
 import time
-import urllib.request
 
-import websocket
 from PIL import Image, ImageChops
+
+sys.path.insert(0, "tools")
+from chromium import Browser  # noqa: E402
 
 B = os.environ["B"]
 URL = "udpm://239.255.76.67:7778?ttl=0"  # a port of its own: a running viewer is not disturbed
-PORT, CDP_PORT = 7018, 9318
+PORT = 7018
 SCRIPT, SCENE = "data/scripts/power_box.user", "data/scenes/box.scene"
 PICTURES = os.path.join(B, "test", "view")
-FLAGS = """--headless --no-sandbox --disable-gpu --use-angle=swiftshader --enable-unsafe-swiftshader --disable-quic
---no-first-run --disable-background-networking --disable-component-update --disable-sync --window-size=1280,800
---remote-allow-origins=*""".split()
 failed = False
 
 
@@ -56,38 +52,13 @@ def stop(process):
         process.wait()
 
 
-class Browser:
-    """Chromium by its remote debugging port."""
-
-    def __init__(self, folder, url):
-        self.process = subprocess.Popen(["chromium", *FLAGS, f"--user-data-dir={folder}", f"--remote-debugging-port={CDP_PORT}", url],
-                                        stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-        self.socket = websocket.create_connection(self.page(), timeout=60)
-        self.number = 0
-
-    @staticmethod
-    def page():
-        for _ in range(120):
-            try:
-                pages = json.load(urllib.request.urlopen(f"http://127.0.0.1:{CDP_PORT}/json"))
-                return next(p for p in pages if p["type"] == "page")["webSocketDebuggerUrl"]
-            except (OSError, StopIteration):
-                time.sleep(0.25)
-        raise RuntimeError("Chromium did not start")
-
-    def picture(self, name):
-        self.number += 1
-        self.socket.send(json.dumps({"id": self.number, "method": "Page.captureScreenshot", "params": {"format": "png"}}))
-        while True:
-            answer = json.loads(self.socket.recv())
-            if answer.get("id") == self.number:
-                break
-        data = base64.b64decode(answer["result"]["data"])
-        os.makedirs(PICTURES, exist_ok=True)
-        with open(os.path.join(PICTURES, name + ".png"), "wb") as file:
-            file.write(data)
-        # Without the "Open Controls" button.
-        return Image.open(io.BytesIO(data)).convert("RGB").crop((0, 40, 1000, 650))
+def picture(browser, name):
+    """Kept in PICTURES; returned without the "Open Controls" button and the panel."""
+    data = browser.picture()
+    os.makedirs(PICTURES, exist_ok=True)
+    with open(os.path.join(PICTURES, name + ".png"), "wb") as file:
+        file.write(data)
+    return Image.open(io.BytesIO(data)).convert("RGB").crop((0, 130, 1000, 650))
 
 
 def count(image, wanted):
@@ -135,13 +106,12 @@ def look(folder, program, viewer_first):
     try:
         while engine.poll() is None and len(pictures) < 9:
             time.sleep(1)
-            pictures.append(browser.picture(f"{order}-{len(pictures)}"))
-        pictures.append(browser.picture(f"{order}-end"))
+            pictures.append(picture(browser, f"{order}-{len(pictures)}"))
+        pictures.append(picture(browser, f"{order}-end"))
         verdict(f"it_lives_{order}", "" if viewer.poll() is None else viewer.stdout.read()[-500:])
         check_pictures(pictures, order)
     finally:
-        browser.process.terminate()
-        browser.process.wait()
+        browser.close()
         stop(engine)
         stop(viewer)
 
