@@ -56,6 +56,26 @@ static void test_bent_finger_points_to_the_palm(void) {
   CHECK_NEAR(p.z, -0.0403, 1e-12);
 }
 
+// The palm hollows: the little finger's base goes palmar, the ring's half as far, the index stays.
+static void test_palm_arch_and_spread(void) {
+  gv_hand_model m = gv_hand_model_default(GV_RIGHT);
+  gv_pose wrist = gv_pose_identity(), flat[GV_LIMBS], T[GV_LIMBS];
+  double angle[GV_SENSORS] = {0};
+  gv_hand_frames(&m, &wrist, angle, flat);
+  angle[GV_PALM_ARCH] = 0.4;
+  gv_hand_frames(&m, &wrist, angle, T);
+  CHECK_NEAR(T[GV_LIMB_LITTLE].p.z, -0.0320 * sin(0.4), 1e-12);  // -z is palmar
+  CHECK_NEAR(T[GV_LIMB_RING].p.z, -0.0150 * sin(0.2), 1e-12);
+  CHECK_NEAR(T[GV_LIMB_INDEX].p.z, flat[GV_LIMB_INDEX].p.z, 1e-12);
+  angle[GV_PALM_ARCH] = 0;
+  angle[GV_MIDDLE_INDEX_ABDUCTION] = angle[GV_RING_MIDDLE_ABDUCTION] = angle[GV_LITTLE_RING_ABDUCTION] = 0.2;
+  gv_hand_frames(&m, &wrist, angle, T);  // spread: the index towards the thumb (y), ring and little away from it
+  CHECK(T[GV_LIMB_INDEX + 2].p.y > flat[GV_LIMB_INDEX + 2].p.y + 0.005, "index");
+  CHECK(T[GV_LIMB_RING + 2].p.y < flat[GV_LIMB_RING + 2].p.y - 0.005, "ring");
+  CHECK(T[GV_LIMB_LITTLE + 2].p.y < flat[GV_LIMB_LITTLE + 2].p.y - 0.005, "little");
+  CHECK_NEAR(T[GV_LIMB_MIDDLE + 2].p.y, flat[GV_LIMB_MIDDLE + 2].p.y, 1e-12);
+}
+
 static void test_left_is_the_mirror_image(void) {
   gv_hand_model right = gv_hand_model_default(GV_RIGHT), left = gv_hand_model_default(GV_LEFT);
   gv_pose wrist = gv_pose_identity(), R[GV_LIMBS], L[GV_LIMBS];
@@ -110,6 +130,7 @@ int main(void) {
   RUN(test_rotation_maps_invert);
   RUN(test_straight_hand);
   RUN(test_bent_finger_points_to_the_palm);
+  RUN(test_palm_arch_and_spread);
   RUN(test_left_is_the_mirror_image);
   RUN(test_joint_axes_are_the_jacobian);
   RUN(test_calibration_two_points);
