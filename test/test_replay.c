@@ -171,7 +171,7 @@ static void check_hashes(const expectation *x, const measures *m) {
 
 static void check_hold(const expectation *x, const measures *m) {
   gv_limiter_config limits = gv_limiter_config_default();
-  printf("  %-16s slip %.4f mm, tilt %.4f deg, depth %.4f mm, ripple %.5f N rms, lifted %.0f mm, force at most %.2f N\n", x->name,
+  printf("figure %-16s slip %.4f mm, tilt %.4f deg, depth %.4f mm, ripple %.5f N rms, lifted %.0f mm, force at most %.2f N\n", x->name,
          m->slip_m * 1e3, m->tilt_rad * 180 / GV_PI, m->depth_m * 1e3, m->ripple_n, m->lift_m * 1e3, m->force_max_n);
   CHECK(x->hold_to_s - x->hold_from_s >= 9.0 && m->steps * 1e-3 >= x->hold_to_s, "%s: holds for 9 s", x->name);
   CHECK(m->slip_m * 1e3 < x->slip_mm, "%s slips %g mm", x->name, m->slip_m * 1e3);
@@ -196,7 +196,7 @@ static void test_trace_hashes(void) {
 // The paper's own parameters: softer, so the limits are wider, but the object stays in the hand.
 static void test_trace_paper(void) {
   if (replay(&expected, true, false, &measured)) { CHECK(0, "%s did not run", expected.name); return; }
-  printf("  %-16s slip %.3f mm, lifted %.0f mm (preset paper)\n", expected.name, measured.slip_m * 1e3, measured.lift_m * 1e3);
+  printf("figure %-16s slip %.3f mm, lifted %.0f mm (preset paper)\n", expected.name, measured.slip_m * 1e3, measured.lift_m * 1e3);
   CHECK(measured.hash == expected.hash_paper, "%s: state %016" PRIx64 ", expected %016" PRIx64, expected.name, measured.hash, expected.hash_paper);
   CHECK(measured.lift_m > 0.05, "%s: lifted by %g m", expected.name, measured.lift_m);
   CHECK(measured.slip_m < 0.005, "%s: slips %g m", expected.name, measured.slip_m);
