@@ -45,6 +45,10 @@ view: build/venv-view/.done $(B)/gloved
 look: build/venv-look/.done $(B)/gloved
 	$(Q)B=$(B) VIEWER="build/venv-look/bin/python tools/look.py" tools/view $(SCRIPT) $(SCENE)
 
+## top: a running gloved on this terminal
+top: $(B)/gloved-top
+	$(Q)$(B)/gloved-top
+
 ## test-view: the 3D view in a real browser (Chromium, without a display), pictures checked
 test-view: build/.browser-packages build/venv-view/.done $(B)/gloved
 	$(Q)PYTHON=build/venv-view/bin/python B=$(B) test/run browser
@@ -107,7 +111,7 @@ build/venv-look/.done: build/.run-packages
 build/.browser-packages: build/.run-packages
 	$(Q)tools/packages chromium
 	@touch $@
-.PHONY: view look test-view pictures
+.PHONY: top view look test-view pictures
 
 ## test: build and run every test
 test: build/.test-packages build/venv/.done build/venv-plot/.done

@@ -17,7 +17,7 @@ from chromium import Browser  # noqa: E402
 B = os.environ["B"]
 URL = "udpm://239.255.76.67:7778?ttl=0"  # a port of its own: a running viewer is not disturbed
 PORT = 7018
-SCRIPT, SCENE = "data/scripts/power_box.user", "data/scenes/box.scene"
+SCRIPT, SCENE = "data/scripts/power_box.user", os.environ.get("SCENE", "data/scenes/box.scene")
 PICTURES = os.path.join(B, "test", "view")
 failed = False
 
