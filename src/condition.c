@@ -109,7 +109,8 @@ void gv_condition_step(gv_condition *c, double h) {
 }
 
 void gv_condition_output(const gv_condition *c, const gv_config *cfg, double out_angle_rad[GV_SENSORS], gv_pose *out_wrist) {
-  const double lead = cfg->prediction_s;
+  // Without the filter the rate is a whole sample's step over one period: led by it, the hand would jump.
+  const double lead = c->omega > 0.0 ? cfg->prediction_s : 0.0;
   for (int i = 0; i < GV_SENSORS; i++)
     out_angle_rad[i] = gv_clamp(c->angle[i] + lead * c->joint[i].rate, cfg->hand.angle_min_rad[i], cfg->hand.angle_max_rad[i]);
   *out_wrist = c->wrist;

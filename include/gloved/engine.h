@@ -35,7 +35,7 @@ typedef struct gv_config {
   double gate_rad;             // a joint that jumps more than this in one sample is held back until a second
                                // sample agrees; 0: off
   double gate_m;               // the same for the tracker's position (its orientation goes by gate_rad)
-  double prediction_s;         // extrapolate the filtered hand by this much along its velocity; 0: off
+  double prediction_s;         // extrapolate the filtered hand by this much along its velocity; 0: off, as without the filter
   // contact
   gv_friction friction;        // of the hand's skin
   double mu_hand;              // coefficient, or newtons
