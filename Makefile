@@ -26,7 +26,7 @@ OBJ      = $(1:%.c=$(B)/%.o)
 LIB     := $(B)/libgloved.a
 
 RUN_PACKAGES  := gcc libc6-dev libode-dev libccd-dev liblcm-dev liblcm-bin libconfig-dev zlib1g-dev
-TEST_PACKAGES := $(RUN_PACKAGES) clang python3-venv can-utils
+TEST_PACKAGES := $(RUN_PACKAGES) clang python3-venv can-utils glmark2-data
 CAN_PACKAGES  := can-utils user-mode-linux kmod iproute2
 
 .DEFAULT_GOAL := help
@@ -125,6 +125,33 @@ test-can: build/.can-packages build/venv/.done
 
 ## all: build the daemon, the tools and the tests
 all: $(patsubst src/process/main.c,$(B)/gloved,$(wildcard src/process/main.c)) $(TOOLS:%=$(B)/%) $(TESTS:%=$(B)/test/%) $(B)/test/bench_engine
+
+# Meshes that become scenes (about 5 s each, the full bunny 20 s): things of our own, and Debian's bunny.
+# gloved-scene and gloved-shapes make the virtual environment that they need. Masses in kilograms.
+SHAPES := bottle bowl cone cup dice dumbbell hammer mug pawn ring screwdriver star_knob torus wrench
+## scenes: the Stanford bunny (250 and 69,666 triangles) and a dozen things to grasp, compiled into build/scenes
+scenes: $(patsubst %,build/scenes/%.scene,bunny250 bunny $(SHAPES))
+
+BUNNY  := /usr/share/glmark2/models/bunny.obj
+COMPILER := $(filter-out tools/mesh/shapes.py,$(wildcard tools/mesh/*))
+build/scenes/%.scene: KG = 0.2
+build/scenes/bottle.scene build/scenes/hammer.scene: KG = 0.4
+build/scenes/cup.scene build/scenes/ring.scene build/scenes/screwdriver.scene: KG = 0.1
+build/meshes/%.obj: tools/mesh/shapes.py
+	$(Q)tools/gloved-shapes $(@D) $*
+build/scenes/%.scene: build/meshes/%.obj $(COMPILER)
+	@mkdir -p $(@D)
+	@echo "  MESH $*"
+	$(Q)tools/gloved-scene $< -o $@ --mass $(KG) --place-on-table
+build/scenes/bunny250.scene: DETAIL = --simplify 250 --threshold 0.08
+build/scenes/bunny.scene: DETAIL = --threshold 0.04 --max-pieces 96
+build/scenes/bunny250.scene build/scenes/bunny.scene: $(COMPILER)
+	@mkdir -p $(@D)
+	$(Q)tools/packages glmark2-data
+	@echo "  MESH $(basename $(@F))"
+	$(Q)tools/gloved-scene $(BUNNY) -o $@ --up y --size 0.11 --mass $(KG) --place-on-table $(DETAIL)
+.PHONY: scenes
+.PRECIOUS: build/meshes/%.obj
 
 ## golden: write the traces' golden hashes anew (then say in the commit why they changed)
 golden: $(B)/test/test_replay

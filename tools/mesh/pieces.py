@@ -189,7 +189,7 @@ def shape(points, size):
     return piece
 
 
-def convex_pieces(mesh, threshold, max_pieces, remesh, stream=sys.stderr):
+def convex_pieces(mesh, threshold, max_pieces, remesh, stream):
     size = extent(mesh)
     pieces = [shape(snap(points, mesh), size) for points in cut(mesh, threshold, max_pieces, remesh, stream)]
     pieces = [p for p in pieces if p]

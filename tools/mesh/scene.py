@@ -165,7 +165,7 @@ def measure(mesh, pieces, step):
     return {"missing": missing, "extra": extra, "fit": fit, "ratio": together / volume, "step": step}
 
 
-def compile_mesh(o, stream=sys.stderr):
+def compile_mesh(o, stream):
     mesh = read(o.mesh)
     solid.check(mesh)
     if mesh.note:
@@ -204,7 +204,7 @@ def describe(o):
 def main(argv):
     o = options(argv)
     try:
-        c = compile_mesh(o)
+        c = compile_mesh(o, sys.stderr)
         write(o.out, scene_text(c))
     except Fault as fault:
         print(f"gloved-scene: {fault}", file=sys.stderr)
