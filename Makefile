@@ -136,7 +136,7 @@ BUNNY  := /usr/share/glmark2/models/bunny.obj
 COMPILER := $(filter-out tools/mesh/shapes.py,$(wildcard tools/mesh/*))
 build/scenes/%.scene: KG = 0.2
 build/scenes/bottle.scene build/scenes/hammer.scene: KG = 0.4
-build/scenes/cup.scene build/scenes/ring.scene build/scenes/screwdriver.scene: KG = 0.1
+build/scenes/cup.scene build/scenes/ring.scene build/scenes/screwdriver.scene build/scenes/torus.scene: KG = 0.1
 build/meshes/%.obj: tools/mesh/shapes.py
 	$(Q)tools/gloved-shapes $(@D) $*
 build/scenes/%.scene: build/meshes/%.obj $(COMPILER)
@@ -150,7 +150,10 @@ build/scenes/bunny250.scene build/scenes/bunny.scene: $(COMPILER)
 	$(Q)tools/packages glmark2-data
 	@echo "  MESH $(basename $(@F))"
 	$(Q)tools/gloved-scene $(BUNNY) -o $@ --up y --size 0.11 --mass $(KG) --place-on-table $(DETAIL)
-.PHONY: scenes
+## test-scenes: compile every scene, then grasp, lift and hold each object in the simulated hand
+test-scenes: scenes $(B)/test/test_grasp
+	$(Q)B=$(B) test/run test_grasp
+.PHONY: scenes test-scenes
 .PRECIOUS: build/meshes/%.obj
 
 ## golden: write the traces' golden hashes anew (then say in the commit why they changed)

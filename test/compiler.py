@@ -136,7 +136,7 @@ FLIPPED = [f[::-1] for f in CUBE_F]
 FACE_SPLIT = CUBE_V + [(0.5, 0, 0)]  # a ninth vertex on the edge between the first two
 # name, content, options, what the message must hold
 REFUSED = [
-    ("hole.obj", obj(CUBE_V, CUBE_F[:-1]), "hole.obj:15: face 7 ... a hole|hole.obj:13: face 5: a hole|3 such edges", []),
+    ("hole.obj", obj(CUBE_V, CUBE_F[:-1]), "hole.obj:11: face 3: a hole: its edge between (1, 0, 1) and (1, 1, 1)|3 such edges", []),
     ("hole.stl", stl_text(CUBE_V, CUBE_F[:-1]), ": a hole|3 such edges", []),
     ("hole2.stl", stl_binary(CUBE_V, CUBE_F[:-1]), ": face |a hole|3 such edges", []),
     ("hole.ply", ply("", CUBE_V, CUBE_F[:-1]), ": a hole|3 such edges", []),
@@ -145,7 +145,7 @@ REFUSED = [
     ("touch.obj", two((1, 1, 1)), "not manifold: parts of the surface touch in its corner (1, 1, 1)", []),
     ("nan.obj", obj(changed(CUBE_V, 3, (1, "nan", 0)), CUBE_F), "nan.obj:9: face 1: its vertex 4 (line 4) is not a finite number", []),
     ("inf.ply", ply("<", changed(CUBE_V, 0, (0, math.inf, 0)), CUBE_F), "face 1: its vertex 1 is not a finite number", []),
-    ("sheet.obj", obj([(0, 0, 0), (1, 0, 0), (0, 1, 0)], [(1, 2, 3), (3, 2, 1)]), "sheet.obj:4: face 1: it and the others enclose no volume", []),
+    ("sheet.obj", obj([(0, 0, 0), (1, 0, 0), (0, 1, 0)], [(1, 2, 3), (3, 2, 1)]), "sheet.obj:4: face 1: it and the 1 faces joined with it enclose no volume", []),
     ("flat.obj", obj(FACE_SPLIT, [(1, 9, 2), (1, 4, 9), (9, 4, 2), (1, 3, 4)] + CUBE_F[2:]), "flat.obj:10: face 1: no area", []),
     ("inside_out.obj", obj(CUBE_V, FLIPPED), "inside_out.obj:9: face 1: it and the 11 faces joined with it are inside out", []),
     ("part.obj", two((3, 0, 0), FLIPPED), "part.obj:29: face 13: it and the 11 faces joined with it are inside out", []),
@@ -172,7 +172,7 @@ def test_what_is_refused():
         check(text.startswith("gloved-scene: " + work.name) and text.count("\n") == 1, f"{name}: not one line: {text}")
         check(";" in text or "give a file" in text, f"{name}: no remedy: {text}")
         for part in wanted.split("|"):
-            check("..." in part or part in text, f"{name}: no '{part}' in: {text}")
+            check(part in text, f"{name}: no '{part}' in: {text}")
         check(not os.path.exists(path("refused.scene")), f"{name}: a scene was written")
 
 
@@ -247,13 +247,12 @@ def test_mass_of_box_cylinder_and_torus():
     check(np.allclose(inertia(s), np.diag([mass * (across + h * h / 12)] * 2 + [2 * mass * across]), rtol=1e-6, atol=1e-12), "inertia of the cylinder")
 
     R, r = .03, .01
-    torus = shapes.lathe(shapes.arc((R, 0), r, 0, 352.5, 48), 96, closed=True)
-    compile_scene(put("torus.obj", shape_obj(torus)), "-o", path("torus.scene"), "--mass", "0.2", "--threshold", "0.2")
-    s = Scene(path("torus.scene"))
-    wanted = .2 * np.diag([(4 * R * R + 5 * r * r) / 8] * 2 + [R * R + .75 * r * r])
-    check(np.allclose(inertia(s), wanted, rtol=4e-3, atol=1e-9), f"inertia of the torus: {inertia(s)} against {wanted}")
-    volume = float(re.search(r"Volume: mesh ([\d.]+) cm3", s.text)[1]) * 1e-6
-    near(volume, 2 * math.pi ** 2 * R * r * r, 5e-3, "volume of the torus")
+    torus = shapes.lathe(shapes.arc((R, 0), r, 0, 356.25, 96), 192, closed=True)
+    volume, center, J = solid.mass_properties(reading.read(put("torus.obj", shape_obj(torus))))
+    near(volume, 2 * math.pi ** 2 * R * r * r, 1e-3, "volume of the torus")
+    check(np.abs(center).max() < 1e-9, "centre of the torus")
+    wanted = np.diag([(4 * R * R + 5 * r * r) / 8] * 2 + [R * R + .75 * r * r])
+    check(np.allclose(J, wanted, rtol=1e-3, atol=1e-12), f"inertia of the torus: {J} against {wanted}")
 
 
 # ---- pieces against the mesh, by brute force ------------------------------------------------------
@@ -306,6 +305,32 @@ def test_pieces_lie_within_the_stated_error():
         check(gap <= missing + slack, f"{name}: the mesh stands {gap * 1e3:.3f} mm out of the pieces, {missing * 1e3:.3f} stated")
 
 
+def boxes(*box):
+    """One mesh of boxes (size, corner, inside out)."""
+    vertices, faces = [], []
+    for size, at, hollow in box:
+        faces += [tuple(i + len(vertices) for i in (f[::-1] if hollow else f)) for f in CUBE_F]
+        vertices += [tuple(p + s * c for p, s, c in zip(at, size, corner)) for corner in CUBE_V]
+    return obj(vertices, faces)
+
+
+def test_hollow_apart_and_overlapping():
+    solid_box = ((.1, .1, .1), (0, 0, 0), False)
+    bars = ((.1, .03, .03), (0, .035, .035), False), ((.03, .1, .03), (.035, 0, .0351), False)
+    for name, mesh, volume, fewest in (("hollow", boxes(solid_box, ((.06, .06, .06), (.02, .02, .02), True)), 784e-6, 6),
+                                       ("apart", boxes(solid_box, ((.05, .05, .05), (.15, 0, 0), False)), 1125e-6, 2),
+                                       ("cross", boxes(*bars), 180e-6, 2)):
+        code, text = compile_scene(put(name + ".obj", mesh), "-o", path(name + ".scene"), "--density", "100", "--threshold", "0.1")
+        check(code == 0, text)
+        check(("lies inside another part" in text) == (name == "cross"), f"{name}: {text}")
+        s = Scene(path(name + ".scene"))
+        near(s.value("mass")[0], 100 * volume, 1e-9, f"mass of {name}")
+        check(len(s.piece) >= fewest, f"{name}: {len(s.piece)} pieces")
+        filled = any((h.equations[:, :3] @ (.05, .05, .05) + h.equations[:, 3]).max() < 0
+                     for h in map(compiler.cutting.ConvexHull, s.piece))
+        check(filled == (name != "hollow"), f"{name}: the middle is {'filled' if filled else 'empty'}")
+
+
 def test_same_mesh_same_file():
     for name in ("once.scene", "again.scene"):
         code, text = compile_scene(put("w.obj", shape_obj(shapes.wrench())), "-o", path(name))
@@ -335,12 +360,12 @@ def test_bunny250():
         print("skip test_bunny250: no glmark2-data (make test installs it)")
         return "skip"
     code, text = compile_scene(BUNNY, "-o", path("bunny250.scene"), "--up", "y", "--size", "0.11", "--mass", "0.2",
-                               "--simplify", "250", "--threshold", "0.1", "--place-on-table")
+                               "--simplify", "250", "--threshold", "0.15", "--place-on-table")
     check(code == 0, text)
     s = Scene(path("bunny250.scene"))
     check(len(s.triangle) == 250 and len(s.vertex) == 127, f"{len(s.triangle)} triangles, {len(s.vertex)} vertices")
     check(genus(s.vertex, s.triangle) == 0, "not closed")
-    check(9 <= len(s.piece) <= 20, f"{len(s.piece)} pieces")
+    check(len(s.piece) >= 5, f"{len(s.piece)} pieces")
 
 
 def test_daemon_takes_the_scenes():

@@ -8,6 +8,7 @@ import os
 import re
 import sys
 import threading
+from dataclasses import replace
 
 import coacd
 import igl
@@ -15,7 +16,7 @@ import numpy as np
 from scipy.spatial import ConvexHull, QhullError, cKDTree
 
 from read import Fault, Mesh
-from solid import extent
+from solid import extent, parts, spread
 
 SEED = 1
 CUT_TRIANGLES = 2000     # CoACD sees no more: the bunny takes 15 s at 2000, minutes at 69,666
@@ -24,7 +25,7 @@ CUT_RESOLUTION = 1000    # its sampling of surfaces
 MAX_CORNERS = 96         # of a piece, far below GV_MAX_HULL_VERTICES: corners cost support climbing and small faces
 MAX_POLYGON = 60         # corners of one face; GV_MAX_FACE_VERTICES is 64
 SAME = 1e-3              # of the extent: a corner that juts out less is left out, a piece thinner than this too
-SNAP = 1e-7              # of the extent: cut corners this near to a vertex are that vertex
+SNAP = 5e-4              # of the extent: a cut corner this near to the mesh lies on it
 
 
 class Piece:
@@ -120,30 +121,52 @@ def simplify(mesh, triangles):
                 np.zeros(len(used), dtype=int), mesh.note)
 
 
-def cut(mesh, threshold, max_pieces, remesh, stream):
-    """Point sets of convex pieces. remesh: parts overlap, so CoACD first makes one surface of them."""
+def cut(mesh, threshold, max_pieces, stream):
+    """Point sets of convex pieces."""
     coarse = mesh
     if len(mesh.triangle) > CUT_TRIANGLES:
         try:
             coarse = simplify(mesh, CUT_TRIANGLES)
         except Fault:
-            pass
+            pass  # it stays as it came: slower, not worse
     coacd.set_log_level("info")
     with Progress(stream):
         found = coacd.run_coacd(coacd.Mesh(coarse.vertex, coarse.triangle.astype(np.int32)), threshold=threshold,
-                                max_convex_hull=max_pieces, preprocess_mode="on" if remesh else "off",
-                                preprocess_resolution=80, resolution=CUT_RESOLUTION, mcts_iterations=CUT_ITERATIONS,
-                                merge=True, seed=SEED)
+                                max_convex_hull=max_pieces, preprocess_mode="off", resolution=CUT_RESOLUTION,
+                                mcts_iterations=CUT_ITERATIONS, merge=True, seed=SEED)
     return [np.asarray(points, dtype=float) for points, _ in found]
 
 
+def cut_parts(mesh, threshold, max_pieces, stream):
+    """The same for parts that overlap, one by one: what crosses itself, CoACD cannot cut."""
+    part = parts(mesh)
+    count = part.max() + 1
+    if count == 1 or count > max_pieces:
+        raise Fault(f"{mesh.path}: the surface crosses itself; unite its parts where it comes from (boolean union)")
+    found = []
+    for p in range(count):
+        triangle = mesh.triangle[part == p]
+        used, triangle = np.unique(triangle, return_inverse=True)
+        one = replace(mesh, vertex=mesh.vertex[used], triangle=triangle.reshape(-1, 3))
+        share = extent(mesh) / extent(one)  # CoACD measures concavity by the extent of what it gets
+        found += cut(one, min(1.0, threshold * share), max_pieces // count, stream)
+    return found
+
+
 def snap(points, mesh):
-    """CoACD scales the mesh and back: corners that were vertices become exactly these again."""
-    distance, nearest = cKDTree(mesh.vertex).query(points)
-    near = distance < SNAP * extent(mesh)
-    points = points.copy()
-    points[near] = mesh.vertex[nearest[near]]
-    return points
+    """CoACD's corners are off by some 5e-5 of the extent. Those that should be on the mesh go back onto it: to a vertex,
+    an edge or a face, in this order, so that what is flat in the mesh is flat in the pieces."""
+    reach = SNAP * extent(mesh)
+    d2, face, nearest = igl.point_mesh_squared_distance(points, mesh.vertex, mesh.triangle)
+    corner = mesh.vertex[mesh.triangle[face]]
+    out = np.where(d2[:, None] < reach ** 2, nearest, points)
+    for k in range(3):
+        a, along = corner[:, k], corner[:, (k + 1) % 3] - corner[:, k]
+        s = np.clip(np.einsum("ij,ij->i", points - a, along) / np.einsum("ij,ij->i", along, along), 0, 1)
+        on_edge = a + s[:, None] * along
+        out = np.where(np.linalg.norm(points - on_edge, axis=1)[:, None] < reach, on_edge, out)
+    distance, vertex = cKDTree(mesh.vertex).query(points)
+    return np.where(distance[:, None] < reach, mesh.vertex[vertex], out)
 
 
 def first_four(points):
@@ -189,10 +212,10 @@ def shape(points, size):
     return piece
 
 
-def convex_pieces(mesh, threshold, max_pieces, remesh, stream):
+def convex_pieces(mesh, threshold, max_pieces, overlapping, stream):
     size = extent(mesh)
-    pieces = [shape(snap(points, mesh), size) for points in cut(mesh, threshold, max_pieces, remesh, stream)]
-    pieces = [p for p in pieces if p]
+    found = (cut_parts if overlapping else cut)(mesh, threshold, max_pieces, stream)
+    pieces = [p for p in (shape(snap(points, mesh), size) for points in found) if p]
     if not pieces:
         raise Fault(f"{mesh.path}: nothing left but slivers thinner than {SAME * size * 1e3:.2g} mm; gloved needs a solid "
                     "of some thickness")
@@ -202,16 +225,8 @@ def convex_pieces(mesh, threshold, max_pieces, remesh, stream):
 # ---- error ----------------------------------------------------------------------------------------
 
 def sample(vertex, triangle, step):
-    """Every corner and middle of the triangles, and as many points spread over each as it has squares of step x step
-    (the R2 sequence, folded into the triangle)."""
-    a, b, c = (vertex[triangle[:, k]] for k in range(3))
-    count = (np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2 / step ** 2).astype(int)
-    t = np.repeat(np.arange(len(triangle)), count)
-    k = np.arange(len(t)) + 1.0
-    u, v = 0.7548776662466927 * k % 1, 0.5698402909980532 * k % 1
-    over = u + v > 1
-    u, v = np.where(over, 1 - u, u)[:, None], np.where(over, 1 - v, v)[:, None]
-    return np.concatenate([vertex, (a + b + c) / 3, a[t] + u * (b - a)[t] + v * (c - a)[t]])
+    """Every corner, and points spread over the triangles."""
+    return np.concatenate([vertex, spread(vertex, triangle, step)[0]])
 
 
 def beyond_pieces(points, pieces):

@@ -10,7 +10,7 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
 NO_AREA = 2e-9     # of the longest edge squared; the loader refuses 1e-9
-NO_VOLUME = 1e-9   # of the extent cubed
+NO_VOLUME = 1e-12  # of the extent cubed
 OVERLAP = 1e-3     # of the surface
 
 
@@ -89,19 +89,19 @@ def parts(mesh):
 
 
 def check_outward(mesh):
-    """Volume, and no part inside out; a part that bounds a hollow inside another one may be."""
-    each = volumes(mesh)
-    if abs(each.sum()) <= NO_VOLUME * extent(mesh) ** 3:
-        raise mesh.fault(0, "it and the others enclose no volume: a sheet, not a solid; give it a thickness")
+    """No part without volume, and none inside out; a part that bounds a hollow inside another one may be."""
     part = parts(mesh)
-    total = np.bincount(part, weights=each)
-    for p in np.flatnonzero(total < 0):
+    total = np.bincount(part, weights=volumes(mesh))
+    for p in np.flatnonzero(total <= NO_VOLUME * extent(mesh) ** 3):
         t = int((part == p).argmax())
+        joined = f"it and the {(part == p).sum() - 1} faces joined with it"
+        if abs(total[p]) <= NO_VOLUME * extent(mesh) ** 3:
+            raise mesh.fault(t, f"{joined} enclose no volume: a sheet, not a solid; give it a thickness")
         outer = mesh.triangle[part != p]
         inside = len(outer) and igl.winding_number(mesh.vertex, outer, mesh.vertex[mesh.triangle[t, :1]])[0] > 0.5
         if not inside:
-            raise mesh.fault(t, f"it and the {(part == p).sum() - 1} faces joined with it are inside out; turn all of them, so "
-                             "that their corners run counter-clockwise seen from outside")
+            raise mesh.fault(t, f"{joined} are inside out; turn all of them, so that their corners run counter-clockwise "
+                             "seen from outside")
 
 
 def check(mesh):
@@ -112,15 +112,31 @@ def check(mesh):
     check_outward(mesh)
 
 
+def spread(vertex, triangle, step):
+    """The middle of every triangle, and as many points over it as it has squares of step x step (the R2 sequence, folded
+    into the triangle). Returns the points and the triangle of each."""
+    a, b, c = (vertex[triangle[:, k]] for k in range(3))
+    count = (np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2 / step ** 2).astype(int)
+    t = np.repeat(np.arange(len(triangle)), count)
+    k = np.arange(len(t)) + 1.0
+    u, v = 0.7548776662466927 * k % 1, 0.5698402909980532 * k % 1
+    over = u + v > 1
+    u, v = np.where(over, 1 - u, u)[:, None], np.where(over, 1 - v, v)[:, None]
+    points = np.concatenate([(a + b + c) / 3, a[t] + u * (b - a)[t] + v * (c - a)[t]])
+    return points, np.concatenate([np.arange(len(triangle)), t])
+
+
 def overlap(mesh):
     """A triangle that lies inside another part of the mesh, or None: just inside of it the surface winds twice. A few
     folded triangles (scans have them where holes were filled) do not count."""
+    points, t = spread(mesh.vertex, mesh.triangle, extent(mesh) / 50)
     a, b, c = corners(mesh)
     normal = np.cross(b - a, c - a)
     area = np.linalg.norm(normal, axis=1)
-    inside = (a + b + c) / 3 - 1e-6 * extent(mesh) * normal / area[:, None]
+    inside = points - 1e-6 * extent(mesh) * (normal / area[:, None])[t]
     double = np.asarray(igl.fast_winding_number(mesh.vertex, mesh.triangle, inside)).reshape(-1) > 1.5
-    return int(double.argmax()) if area[double].sum() > OVERLAP * area.sum() else None
+    share = area[t] / np.bincount(t)[t]
+    return int(t[double].min()) if share[double].sum() > OVERLAP * area.sum() else None
 
 
 def mass_properties(mesh):
