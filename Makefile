@@ -135,7 +135,7 @@ scenes: $(patsubst %,build/scenes/%.scene,bunny250 bunny $(SHAPES))
 BUNNY  := /usr/share/glmark2/models/bunny.obj
 COMPILER := $(filter-out tools/mesh/shapes.py,$(wildcard tools/mesh/*))
 build/scenes/%.scene: KG = 0.2
-build/scenes/bottle.scene build/scenes/hammer.scene: KG = 0.4
+build/scenes/hammer.scene: KG = 0.4
 build/scenes/cup.scene build/scenes/ring.scene build/scenes/screwdriver.scene build/scenes/torus.scene: KG = 0.1
 build/meshes/%.obj: tools/mesh/shapes.py
 	$(Q)tools/gloved-shapes $(@D) $*
