@@ -15,7 +15,7 @@
 #include <time.h>
 #include <unistd.h>
 
-enum { KEEPER_STACK = 256 << 10, LOOK_MS = 20 };
+enum { KEEPER_STACK = 256 << 10, LOOK_MS = 20, QUICK_LOOK_MS = 1, DRAIN_MS = 200 };
 
 // ---- the line -------------------------------------------------------------------------------------
 
@@ -126,11 +126,12 @@ static void pause_for(const serial_port *port, int ms) {
 }
 
 // Until the reader gave the descriptor back, no record came for too long, or the port is closed.
-static void watch(serial_port *port) {
+static void watch(serial_port *port, int fd) {
   unsigned long seen = atomic_load(&port->records);
   int64_t seen_ms = now_ms();
   while (!stopping(port) && atomic_load(&port->fd) >= 0 && now_ms() - seen_ms < SERIAL_SILENCE_MS) {
-    sleep_ms(LOOK_MS);
+    sleep_ms(port->look ? QUICK_LOOK_MS : LOOK_MS);
+    if (port->look) port->look(port->self, fd, now_ms());
     const unsigned long records = atomic_load(&port->records);
     if (records == seen) continue;
     seen = records;
@@ -145,13 +146,24 @@ static void take_back(serial_port *port) {
   while (atomic_load(&port->reading)) sleep_ms(1);
 }
 
+// What let_go wrote may leave before close_line throws the rest away: until the queue is empty, and one look more for
+// the bytes that the queue no longer counts.
+static void let_go(const serial_port *port, int fd) {
+  int queued = 0;
+  if (!port->let_go) return;
+  port->let_go(port->self, fd);
+  const int64_t end = now_ms() + DRAIN_MS;
+  while (ioctl(fd, TIOCOUTQ, &queued) == 0 && queued > 0 && now_ms() < end) sleep_ms(1);
+  sleep_ms(LOOK_MS);
+}
+
 static void serve(serial_port *port, int fd) {
   const int setting = port->set_up(port->self, fd);
   if (setting < 0 || stopping(port)) return;
   atomic_store(&port->setting, setting);
   atomic_fetch_add(&port->connections, 1);
   atomic_store(&port->fd, fd);
-  watch(port);
+  watch(port, fd);
   take_back(port);
 }
 
@@ -167,6 +179,7 @@ static void *keep(void *argument) {
   for (;;) {
     if (fd >= 0) {
       serve(port, fd);
+      let_go(port, fd);
       close_line(fd);
     }
     pause_for(port, SERIAL_RETRY_MS);
@@ -214,16 +227,29 @@ void serial_port_close(serial_port *port) {
 
 // ---- the reader -----------------------------------------------------------------------------------
 
-int serial_port_read(serial_port *port, uint8_t *out, int size, int *out_setting) {
-  int count = 0;
+// The descriptor to use at once, or -1; give_back after it.
+static int borrow(serial_port *port) {
   atomic_store(&port->reading, true);
-  const int fd = atomic_load(&port->fd);
-  if (fd >= 0) {
-    const ssize_t n = read(fd, out, (size_t)size);
-    *out_setting = atomic_load(&port->setting);
-    if (n > 0) count = (int)n;
-    else if (n == 0 || (errno != EAGAIN && errno != EINTR)) atomic_store(&port->fd, -1);
-  }
+  return atomic_load(&port->fd);
+}
+
+// n and errno as read() or write() left them. Returns the bytes, 0: nothing for now, -1: the line is gone.
+static int give_back(serial_port *port, int fd, ssize_t n) {
+  const bool gone = fd < 0 || n == 0 || (n < 0 && errno != EAGAIN && errno != EINTR);
+  if (gone && fd >= 0) atomic_store(&port->fd, -1);
   atomic_store(&port->reading, false);
-  return count;
+  return gone ? -1 : n < 0 ? 0 : (int)n;
+}
+
+int serial_port_read(serial_port *port, uint8_t *out, int size, int *out_setting) {
+  const int fd = borrow(port);
+  const ssize_t n = fd >= 0 ? read(fd, out, (size_t)size) : 0;
+  if (fd >= 0) *out_setting = atomic_load(&port->setting);
+  const int count = give_back(port, fd, n);
+  return count > 0 ? count : 0;
+}
+
+int serial_port_write(serial_port *port, const void *data, int size) {
+  const int fd = borrow(port);
+  return give_back(port, fd, fd >= 0 ? write(fd, data, (size_t)size) : 0);
 }

@@ -5,7 +5,10 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "gloved/channel.h"
+
 enum { CTRL_Y = 0x19 };
+static const int64_t lucid_patience_ns = 1000000000;  // readBytesUntil's
 
 static double uniform(serial_sim *s) {
   s->random ^= s->random >> 12;
@@ -154,12 +157,61 @@ static void receive_cyberglove(serial_sim *s, char c) {
   else s->command_length = 0;
 }
 
-// ---- both -----------------------------------------------------------------------------------------
+// ---- LucidGlove -----------------------------------------------------------------------------------
+
+static const gv_lucid_format lucid = {4095};
+
+static void send_bends(serial_sim *s) {
+  gv_lucid_sample sample = {.letters = s->glove.flags & GV_GLOVE_DEAD_MAN ? gv_lucid_bit('J') : 0};
+  double angle_rad[GV_SENSORS];
+  uint8_t line[GV_LUCID_LINE_BYTES];
+  if (s->waits_since_ns >= 0 && s->sim.now_ns - s->waits_since_ns < lucid_patience_ns) return;
+  s->waits_since_ns = s->sim.now_ns;
+  for (int i = 0; i < GV_SENSORS; i++) angle_rad[i] = gv_calibration_angle(&s->sim.calibration, i, s->glove.raw[i]);
+  gv_lucid_bend(&lucid, angle_rad, sample.bend);
+  put_record(s, line, gv_lucid_encode(&lucid, &sample, line));
+}
+
+// The brakes as a command of tensions, so that they pull at the fingers of the model.
+static void apply_brakes(serial_sim *s) {
+  gv_command_msg msg = {.counter = (uint8_t)(s->sim.command_counter + 1), .flags = GV_COMMAND_ENABLE};
+  gv_frame frame;
+  for (int f = 0; f < GV_FINGERS; f++) {
+    msg.tension_n[f] = gv_channel_tension_n(gv_channel_of(GV_CHANNEL_LUCIDGLOVE), s->brake[f]);
+    if (s->brake[f] > s->brake_max[f]) s->brake_max[f] = s->brake[f];
+  }
+  gv_fcu_pack_command(&msg, &frame);
+  gv_sim_receive(&s->sim, &frame);
+}
+
+static void receive_lucidglove(serial_sim *s, char c) {
+  if (c != '\n') {
+    if (s->command_length < SERIAL_SIM_COMMAND) s->command[s->command_length++] = c;
+    return;
+  }
+  s->commands++;
+  if (gv_lucid_decode_brakes(s->command, (int)s->command_length, s->brake)) {
+    s->brake_lines++;
+    s->brakes_unasked += s->waits_since_ns < 0;
+    s->waits_since_ns = -1;
+    apply_brakes(s);
+  } else {
+    s->refused++;
+  }
+  s->command_length = 0;
+}
+
+static void loosen_lucidglove(gv_sim_device *device) {
+  device->watchdog_s = device->slew_n_per_s = 1e9;
+}
+
+// ---- all ------------------------------------------------------------------------------------------
 
 void serial_sim_receive(serial_sim *s, const uint8_t *byte, int count) {
   for (int i = 0; i < count; i++) {
     if (s->kind == SERIAL_SIM_FASTRAK) receive_fastrak(s, (char)byte[i]);
-    else receive_cyberglove(s, (char)byte[i]);
+    else if (s->kind == SERIAL_SIM_CYBERGLOVE) receive_cyberglove(s, (char)byte[i]);
+    else receive_lucidglove(s, (char)byte[i]);
   }
 }
 
@@ -169,13 +221,19 @@ void serial_sim_reset(serial_sim *s) {
   memset(s->listed, 0, sizeof s->listed);
   s->station_on[1] = s->station_on[2] = true;  // the receivers that are plugged in
   s->command_length = 0;
+  s->waits_since_ns = -1;
+  memset(s->brake, 0, sizeof s->brake);
   put_garbage(s, 7);
 }
 
 static void take_frame(serial_sim *s, const gv_frame *frame) {
   gv_pose_msg pose;
-  if (s->kind == SERIAL_SIM_FASTRAK && gv_fcu_unpack_pose(frame, &pose) == GV_FCU_OK) send_pose(s, &pose);
-  if (s->kind == SERIAL_SIM_CYBERGLOVE && gv_fcu_unpack_glove(frame, &s->glove) == GV_FCU_OK && s->streaming) send_glove(s, 'S');
+  if (s->kind == SERIAL_SIM_FASTRAK) {
+    if (gv_fcu_unpack_pose(frame, &pose) == GV_FCU_OK) send_pose(s, &pose);
+  } else if (gv_fcu_unpack_glove(frame, &s->glove) == GV_FCU_OK) {
+    if (s->kind == SERIAL_SIM_LUCIDGLOVE) send_bends(s);
+    else if (s->streaming) send_glove(s, 'S');
+  }
 }
 
 int serial_sim_advance(serial_sim *s, int64_t now_ns, uint8_t *out, int max) {
@@ -205,6 +263,7 @@ void serial_sim_init(serial_sim *s, serial_sim_kind kind, const gv_sim_script *s
   s->T_tracker_world = gv_pose_inv(*T_world_tracker);
   s->random = 0x2545f4914f6cdd1dULL * (seed ? seed : 1);
   gv_sim_init(&s->sim, script, NULL, seed);
+  if (kind == SERIAL_SIM_LUCIDGLOVE) loosen_lucidglove(&s->sim.device);
   gv_sim_start(&s->sim);
   memcpy(s->glove.raw, s->sim.raw, sizeof s->glove.raw);
   serial_sim_reset(s);

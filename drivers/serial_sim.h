@@ -1,16 +1,19 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// A simulated FASTRAK or CyberGlove: the scripted user of gv_sim, seen through the bytes of a serial line. It
+// A simulated FASTRAK, CyberGlove or LucidGlove: the scripted user of gv_sim, seen through the bytes of a serial line. It
 // understands the commands that the drivers send, starts silent as the real ones do, and does to its bytes
 // what lines do: garbage between records, bytes that are missing, bytes that changed. Bytes and time in, bytes
-// out; no descriptor, no clock. tools/serialsim.c puts it behind a pseudo-terminal.
+// out; no descriptor, no clock. tools/serialsim.c puts it behind a pseudo-terminal. The LucidGlove's brakes hold the
+// user's fingers back as tensions of the channel (channel.h) do; like its stock firmware it waits for a line of brakes
+// after each of its own, up to a second, and keeps the last brakes for ever.
 #ifndef DRIVERS_SERIAL_SIM_H
 #define DRIVERS_SERIAL_SIM_H
 
 #include "cyberglove.h"
 #include "fastrak.h"
 #include "gloved/sim.h"
+#include "lucidglove.h"
 
-typedef enum serial_sim_kind { SERIAL_SIM_FASTRAK, SERIAL_SIM_CYBERGLOVE } serial_sim_kind;
+typedef enum serial_sim_kind { SERIAL_SIM_FASTRAK, SERIAL_SIM_CYBERGLOVE, SERIAL_SIM_LUCIDGLOVE, SERIAL_SIM_KINDS } serial_sim_kind;
 
 enum { SERIAL_SIM_OUT = 4096, SERIAL_SIM_COMMAND = 32 };
 
@@ -32,13 +35,19 @@ typedef struct serial_sim {
   char command[SERIAL_SIM_COMMAND]; // begun
   unsigned command_length;
   gv_glove_msg glove;        // newest sample
+  // LucidGlove: brakes now and their largest so far; lines of them that came, and came before the last one was
+  // asked for; when its own last line left, -1: it waits for nothing
+  int brake[GV_FINGERS], brake_max[GV_FINGERS];
+  uint64_t brake_lines, brakes_unasked;
+  int64_t waits_since_ns;
   uint8_t out[SERIAL_SIM_OUT]; // waiting to be sent
   int out_count;
   uint64_t whole, damaged, garbage_bytes, commands, refused; // so far
 } serial_sim;
 
 // Makes rates and transport of a gv_sim device those of a serial one: tracker 60 Hz a receiver, glove 90 to
-// 150 Hz, nothing late or lost but what the faults say.
+// 150 Hz, nothing late or lost but what the faults say. A LucidGlove's brakes obey as they are told: serial_sim_init
+// takes the device's own watchdog and slew limit away.
 void serial_sim_adapt(gv_sim_device *device);
 // The script starts at once.
 void serial_sim_init(serial_sim *s, serial_sim_kind kind, const gv_sim_script *script, const gv_pose *T_world_tracker, uint64_t seed);

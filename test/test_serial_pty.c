@@ -1,17 +1,12 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // The drivers of serial devices as they run: opened by their URLs on a real pseudo-terminal, at whose other end
 // the simulated device answers. What comes out is compared with what the device measured, frame by frame.
-#include <errno.h>
-#include <fcntl.h>
-#include <string.h>
-#include <sys/stat.h>
-#include <termios.h>
 #include <time.h>
-#include <unistd.h>
 
 #include "../drivers/serial_sim.h"
 #include "check.h"
 #include "gloved/drivers.h"
+#include "pty.h"
 
 // The device's time runs four times as fast as the clock, which the drivers do not see.
 enum { MS = 1000000, STEP = 4 * MS, TOLD = 4096 };
@@ -26,8 +21,7 @@ static const char motion[] =
 
 // The device, its pseudo-terminal under a name that stays, the driver, and what the device has measured so far.
 static struct rig {
-  char link[64];
-  int master, slave;           // the slave is held open, as a plugged cable holds the line
+  pty cable;
   serial_sim device;
   gv_sim twin;                 // makes the same measurements
   gv_driver driver;
@@ -48,32 +42,12 @@ static void sleep_ms(int ms) {
 
 // ---- the cable ------------------------------------------------------------------------------------
 
-static void plug(void) {
-  struct termios t;
-  rig.master = posix_openpt(O_RDWR | O_NOCTTY | O_NONBLOCK);
-  CHECK(rig.master >= 0 && grantpt(rig.master) == 0 && unlockpt(rig.master) == 0, "no pseudo-terminal");
-  const char *name = ptsname(rig.master);
-  rig.slave = open(name, O_RDWR | O_NOCTTY | O_NONBLOCK);
-  CHECK(rig.slave >= 0 && tcgetattr(rig.slave, &t) == 0, "%s", strerror(errno));
-  cfmakeraw(&t);
-  tcsetattr(rig.slave, TCSANOW, &t);
-  unlink(rig.link);
-  CHECK(symlink(name, rig.link) == 0, "%s", strerror(errno));
-}
-
-static void unplug(void) {
-  close(rig.slave);
-  close(rig.master);
-  unlink(rig.link);
-  rig.master = rig.slave = -1;
-}
-
 static void exchange_bytes(void) {
   uint8_t byte[1024];
   ssize_t n;
-  while (rig.master >= 0 && (n = read(rig.master, byte, sizeof byte)) > 0) serial_sim_receive(&rig.device, byte, (int)n);
+  while (rig.cable.master >= 0 && (n = read(rig.cable.master, byte, sizeof byte)) > 0) serial_sim_receive(&rig.device, byte, (int)n);
   const int count = serial_sim_advance(&rig.device, rig.now_ns, byte, sizeof byte);
-  if (rig.master >= 0 && count > 0) CHECK(write(rig.master, byte, (size_t)count) == count, "%s", strerror(errno));
+  if (rig.cable.master >= 0 && count > 0) CHECK(write(rig.cable.master, byte, (size_t)count) == count, "%s", strerror(errno));
 }
 
 // ---- what comes out -------------------------------------------------------------------------------
@@ -150,7 +124,6 @@ static void start(serial_sim_kind kind, int sensors, const char *options) {
   const gv_pose T_world_tracker = {gv_quat_axis_angle(gv_v3(0, 0.6, 0.8), 1.0), {0.3, -0.1, 0.7}};
   char url[256];
   memset(&rig, 0, sizeof rig);
-  snprintf(rig.link, sizeof rig.link, "/tmp/gloved-pty-%d", (int)getpid());
   CHECK(gv_sim_script_parse(motion, "motion", &script, err, sizeof err) == 0, "%s", err);
   serial_sim_adapt(&script.device);
   serial_sim_init(&rig.device, kind, &script, &T_world_tracker, 5);
@@ -161,8 +134,8 @@ static void start(serial_sim_kind kind, int sensors, const char *options) {
   glove_tolerance = 8.5;       // half of 1/255, in counts
   pose_tolerance_m = 1e-6;     // float32
   pose_tolerance_rad = 2e-6;
-  plug();
-  snprintf(url, sizeof url, "serial:%s?type=%s%s", rig.link, kind == SERIAL_SIM_FASTRAK ? "fastrak" : "cyberglove", options);
+  pty_plug(&rig.cable);
+  snprintf(url, sizeof url, "serial:%s?type=%s%s", rig.cable.link, kind == SERIAL_SIM_FASTRAK ? "fastrak" : "cyberglove", options);
   const int failed = kind == SERIAL_SIM_FASTRAK ? gv_fastrak_open(url, &T_world_tracker, &rig.driver, err, sizeof err)
                                                 : gv_cyberglove_open(url, &cal, GV_RIGHT, &rig.driver, err, sizeof err);
   CHECK(!failed, "%s", err);
@@ -171,7 +144,7 @@ static void start(serial_sim_kind kind, int sensors, const char *options) {
 
 static void stop(void) {
   rig.driver.close(rig.driver.self);
-  unplug();
+  pty_unplug(&rig.cable);
 }
 
 static void check_clean(int frames) {
@@ -262,14 +235,14 @@ static void test_reset_is_survived(void) {
 static void test_cable_out_and_in(void) {
   start(SERIAL_SIM_CYBERGLOVE, 22, "");
   CHECK(run_frames(20), "only %d frames", rig.frames);
-  unplug();
+  pty_unplug(&rig.cable);
   const int before = rig.frames;
   run_ms(400);
   CHECK(rig.frames <= before + 2, "frames from a cable that is out");
   CHECK(!gv_serial_report_of(&rig.driver).connected, "still connected");
   CHECK(!rig.driver.ended(rig.driver.self) && rig.driver.stats(rig.driver.self).link_downs == 1, "the driver gave up");
   serial_sim_reset(&rig.device);
-  plug();
+  pty_plug(&rig.cable);
   CHECK(run_frames(40), "no frames after it was plugged in");
   CHECK(gv_serial_report_of(&rig.driver).connections == 2, "%u connections", gv_serial_report_of(&rig.driver).connections);
   stop();
@@ -278,15 +251,15 @@ static void test_cable_out_and_in(void) {
 // A device that is silent from the start, then switched on; and closing while it is awaited.
 static void test_silent_device(void) {
   start(SERIAL_SIM_CYBERGLOVE, 22, "");
-  const int master = rig.master;
-  rig.master = -1;             // its bytes go nowhere
+  const int master = rig.cable.master;
+  rig.cable.master = -1;             // its bytes go nowhere
   run_ms(600);
   CHECK(rig.frames == 0 && !gv_serial_report_of(&rig.driver).connected, "connected to nothing");
-  rig.master = master;
+  rig.cable.master = master;
   CHECK(run_frames(10), "no frames after it was switched on");
-  rig.master = -1;
+  rig.cable.master = -1;
   run_ms(50);
-  rig.master = master;
+  rig.cable.master = master;
   stop();
 }
 
@@ -341,7 +314,7 @@ static void test_pair_takes_the_trackers_poses(void) {
   const gv_driver_stats stats = both.stats(both.self);
   CHECK(stats.foreign >= 2000, "the unit's own poses are not counted: %d", (int)stats.foreign);
   both.close(both.self);
-  unplug();
+  pty_unplug(&rig.cable);
 }
 
 static void test_wrong_urls(void) {

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// serialsim: a simulated FASTRAK or CyberGlove behind a pseudo-terminal, in real time.
+// serialsim: a simulated FASTRAK, CyberGlove or LucidGlove behind a pseudo-terminal, in real time.
 //
-//   serialsim fastrak|cyberglove [--script FILE] [--device best|real|NAME=VALUE] [--sensors 18|22] [--seed N]
+//   serialsim fastrak|cyberglove|lucidglove [--script FILE] [--device best|real|NAME=VALUE] [--sensors 18|22] [--seed N]
 //             [--garbage P] [--gap P] [--noise P] [--reset S] [--unplug S] [--link PATH] [--config FILE] [--duration S]
 //
 // It prints the terminal's name (with --link a symbolic link of that name, which stays the same when the cable is
@@ -23,6 +23,9 @@
 #include "../src/process/config_load.h"
 
 enum { PERIOD_NS = 1000000, OUT_NS = 500000000, BYTES = 4096 };
+
+static const char *const kinds[SERIAL_SIM_KINDS] = {[SERIAL_SIM_FASTRAK] = "fastrak", [SERIAL_SIM_CYBERGLOVE] = "cyberglove",
+                                    [SERIAL_SIM_LUCIDGLOVE] = "lucidglove"};
 
 typedef struct options {
   serial_sim_kind kind;
@@ -46,7 +49,7 @@ static void on_signal(int number) { (void)number; interrupted = 1; }
 // ---- command line ---------------------------------------------------------------------------------
 
 static const char usage_text[] =
-  "usage: serialsim fastrak|cyberglove [--script FILE] [--device best|real|NAME=VALUE] [--sensors 18|22] "
+  "usage: serialsim fastrak|cyberglove|lucidglove [--script FILE] [--device best|real|NAME=VALUE] [--sensors 18|22] "
   "[--seed N] [--garbage P] [--gap P] [--noise P] [--reset S] [--unplug S] [--link PATH] [--config FILE] [--duration S]";
 
 static int fail(const char *what, const char *which) {
@@ -119,8 +122,8 @@ static int load_files(int argc, char **argv, options *o) {
 static int read_options(int argc, char **argv, options *o) {
   *o = (options){.script = "data/scripts/power_box.user", .sensors = GV_SENSORS, .seed = 1};
   if (argc < 2) return fail("which device?", "");
-  if (strcmp(argv[1], "fastrak") != 0 && strcmp(argv[1], "cyberglove") != 0) return fail("unknown device ", argv[1]);
-  o->kind = argv[1][0] == 'f' ? SERIAL_SIM_FASTRAK : SERIAL_SIM_CYBERGLOVE;
+  while (o->kind < SERIAL_SIM_KINDS && strcmp(argv[1], kinds[o->kind]) != 0) o->kind++;
+  if (o->kind == SERIAL_SIM_KINDS) return fail("unknown device ", argv[1]);
   int error = load_files(argc, argv, o);
   for (int i = 2; i < argc && !error; i += 2) error = i + 1 < argc ? read_option(argv[i], argv[i + 1], o) : fail("no value for ", argv[i]);
   if (error) return error;
@@ -179,6 +182,7 @@ static void begin_anew(const options *o, int64_t *start_ns, int64_t ms) {
   static serial_sim fresh;
   serial_sim_init(&fresh, o->kind, &all.script, &all.settings.T_world_tracker, (uint64_t)o->seed);
   all.device.sim = fresh.sim;
+  all.device.waits_since_ns = fresh.waits_since_ns;
   *start_ns = ms * PERIOD_NS;
 }
 
@@ -202,6 +206,17 @@ static int run(const options *o) {
   return 0;
 }
 
+static void report(const serial_sim *s) {
+  fprintf(stderr, "serialsim: %llu records whole, %llu damaged, %llu bytes of garbage, %llu commands, %llu refused\n",
+          (unsigned long long)s->whole, (unsigned long long)s->damaged, (unsigned long long)s->garbage_bytes,
+          (unsigned long long)s->commands, (unsigned long long)s->refused);
+  if (s->kind != SERIAL_SIM_LUCIDGLOVE) return;
+  const int *max = s->brake_max, *now = s->brake;
+  fprintf(stderr, "serialsim: %llu lines of brakes, %llu unasked, largest %d %d %d %d %d, at the end %d %d %d %d %d\n",
+          (unsigned long long)s->brake_lines, (unsigned long long)s->brakes_unasked, max[0], max[1], max[2], max[3], max[4],
+          now[0], now[1], now[2], now[3], now[4]);
+}
+
 int main(int argc, char **argv) {
   options o;
   if (argc == 2 && strcmp(argv[1], "--help") == 0) return puts(usage_text) < 0;
@@ -218,8 +233,6 @@ int main(int argc, char **argv) {
   error = plug(o.link);
   if (!error) error = run(&o);
   if (all.master >= 0) unplug(o.link);
-  fprintf(stderr, "serialsim: %llu records whole, %llu damaged, %llu bytes of garbage, %llu commands, %llu refused\n",
-          (unsigned long long)all.device.whole, (unsigned long long)all.device.damaged, (unsigned long long)all.device.garbage_bytes,
-          (unsigned long long)all.device.commands, (unsigned long long)all.device.refused);
+  report(&all.device);
   return error;
 }

@@ -96,6 +96,16 @@ gv_pose gv_fastrak_upright(void);
 // answer. `cal` is what the counts will be read with (the distal joints of an 18-sensor glove follow from it).
 int gv_cyberglove_open(const char *url, const gv_calibration *cal, gv_side side, gv_driver *out, char *err, size_t err_size);
 
+// "serial:DEVICE?type=lucidglove[&baud=115200&max=4095|1023&dead_man=a|b|joystick]": LucidGloves, GLOVE frames from
+// one bend per finger (spread over its joints, see drivers/lucidglove.h), FORCE_COMMAND frames to five brakes
+// (channel.h). max: the board's largest reading (1023: AVR boards). dead_man: the button that is the dead-man switch;
+// a loose one lets no force out. Only the newest command counts: a line of brakes goes out for each line of the
+// glove, zero brakes at once. Zero brakes follow from a command without ENABLE or one that does not decode, from 5 ms
+// without a command, and from closing. The stock firmware has no watchdog: after SIGKILL, or with the cable out,
+// the brakes stay where they are until the glove is switched off. `tx` counts commands taken, `tx_failed` lines that a
+// newer one replaced because the line was full. Cost: a poll 2 us, a send 0.1 us, with a line 2 us.
+int gv_lucidglove_open(const char *url, const gv_calibration *cal, gv_side side, gv_driver *out, char *err, size_t err_size);
+
 // What a serial driver has seen. Any thread but for the counts, which belong to the thread that polls.
 typedef struct gv_serial_report {
   bool connected;          // the device was set up and its records are read

@@ -4,6 +4,7 @@
 #define GLOVED_PROCESS_DEVICES_H
 
 #include "config_load.h"
+#include "gloved/channel.h"
 #include "gloved/drivers.h"
 #include "loop.h"
 
@@ -12,5 +13,7 @@
 int gv_device_open(const gv_settings *settings, gv_driver *out, gv_pace *out_pace, char *err, size_t err_size);
 // The fcu alone.
 int gv_fcu_open(const gv_settings *settings, gv_driver *out, gv_pace *out_pace, char *err, size_t err_size);
+// What its fingers take; the CyberGrasp's where the URL does not say.
+const gv_channel *gv_fcu_channel(const char *url);
 
 #endif

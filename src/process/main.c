@@ -103,8 +103,17 @@ static int open_recorder(program *p) {
   return gv_recorder_open(&p->recorder, p->options.record, p->settings.fcu, p->err, sizeof p->err);
 }
 
+// The limiter never asks for more than the device takes.
+static void fit_limiter(program *p) {
+  const gv_channel *channel = gv_fcu_channel(p->settings.fcu);
+  if (!gv_channel_limit(channel, &p->settings.limiter)) return;
+  fprintf(stderr, "gloved: limiter set to what a %s takes: %g N, at least %g N, %g N/s\n", channel->device,
+          p->settings.limiter.max_n, p->settings.limiter.pretension_n, p->settings.limiter.slew_n_per_s);
+}
+
 static int set_up(program *p) {
   if (gv_options_settings(&p->options, &p->settings, p->err, sizeof p->err)) return -1;
+  fit_limiter(p);
   if (open_world(p)) return -1;
   if (gv_device_open(&p->settings, &p->driver, &p->pace, p->err, sizeof p->err)) return -1;
   if (p->err[0]) fprintf(stderr, "gloved: %s\n", p->err);
