@@ -46,7 +46,8 @@ void gv_lucid_decode(const gv_lucid_format *format, const uint8_t *byte, int len
 int gv_lucid_encode(const gv_lucid_format *format, const gv_lucid_sample *sample, uint8_t out[GV_LUCID_LINE_BYTES]);
 
 // Bends to 22 counts by `cal`, which says what counts mean; and bends from joint angles, by the flexion joints' sum.
-void gv_lucid_raw(const gv_lucid_format *format, const gv_lucid_sample *sample, const gv_calibration *cal, uint16_t out_raw[GV_SENSORS]);
+void gv_lucid_raw(const gv_lucid_format *format, const gv_lucid_sample *sample, const gv_calibration *cal,
+                  uint16_t out_raw[GV_SENSORS]);
 void gv_lucid_bend(const gv_lucid_format *format, const double angle_rad[GV_SENSORS], int out_bend[GV_FINGERS]);
 
 // The brakes, clamped to 0..1000; returns the length, no zero behind it.

@@ -166,7 +166,8 @@ static void send_bends(serial_sim *s) {
   double angle_rad[GV_SENSORS];
   uint8_t line[GV_LUCID_LINE_BYTES];
   if (s->waits_since_ns >= 0 && s->sim.now_ns - s->waits_since_ns < lucid_patience_ns) return;
-  s->waits_since_ns = s->sim.now_ns;
+  s->waits_since_ns = s->brakes_early > 0 ? -1 : s->sim.now_ns;
+  s->brakes_early -= s->brakes_early > 0;
   for (int i = 0; i < GV_SENSORS; i++) angle_rad[i] = gv_calibration_angle(&s->sim.calibration, i, s->glove.raw[i]);
   gv_lucid_bend(&lucid, angle_rad, sample.bend);
   put_record(s, line, gv_lucid_encode(&lucid, &sample, line));
@@ -193,6 +194,7 @@ static void receive_lucidglove(serial_sim *s, char c) {
   if (gv_lucid_decode_brakes(s->command, (int)s->command_length, s->brake)) {
     s->brake_lines++;
     s->brakes_unasked += s->waits_since_ns < 0;
+    s->brakes_early += s->waits_since_ns < 0;
     s->waits_since_ns = -1;
     apply_brakes(s);
   } else {
@@ -222,6 +224,7 @@ void serial_sim_reset(serial_sim *s) {
   s->station_on[1] = s->station_on[2] = true;  // the receivers that are plugged in
   s->command_length = 0;
   s->waits_since_ns = -1;
+  s->brakes_early = 0;
   memset(s->brake, 0, sizeof s->brake);
   put_garbage(s, 7);
 }

@@ -35,9 +35,9 @@ typedef struct serial_sim {
   char command[SERIAL_SIM_COMMAND]; // begun
   unsigned command_length;
   gv_glove_msg glove;        // newest sample
-  // LucidGlove: brakes now and their largest so far; lines of them that came, and came before the last one was
-  // asked for; when its own last line left, -1: it waits for nothing
-  int brake[GV_FINGERS], brake_max[GV_FINGERS];
+  // LucidGlove: brakes now and their largest so far; lines of them that came, that came while it waited for none, and
+  // those of these that stand for an answer yet to come; when its own last line left, -1: it waits for nothing
+  int brake[GV_FINGERS], brake_max[GV_FINGERS], brakes_early;
   uint64_t brake_lines, brakes_unasked;
   int64_t waits_since_ns;
   uint8_t out[SERIAL_SIM_OUT]; // waiting to be sent

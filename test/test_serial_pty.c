@@ -267,7 +267,7 @@ static void test_one_reader_at_a_time(void) {
   char url[128];
   gv_driver second;
   start(SERIAL_SIM_CYBERGLOVE, 22, "");
-  snprintf(url, sizeof url, "serial:%s?type=cyberglove", rig.link);
+  snprintf(url, sizeof url, "serial:%s?type=cyberglove", rig.cable.link);
   CHECK(gv_cyberglove_open(url, &cal, GV_RIGHT, &second, err, sizeof err) < 0 && strstr(err, "end the program that holds it"), "%s", err);
   check_clean(10);
   stop();

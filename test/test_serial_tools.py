@@ -160,6 +160,38 @@ def daemon_grasps_with_serial_devices():
     assert re.search(r"safety: ready -> wait", result.stdout + result.stderr), "the pulled cable was not seen"
 
 
+PRESS = """posture open  thumb_abduction 45
+posture press like open  thumb_mpj 30  thumb_ij 40  index_mpj 45  index_pij 50  index_dij 33.5  middle_mpj 45  middle_pij 50
+posture press middle_dij 33.5  ring_mpj 45  ring_pij 50  ring_dij 33.5  little_mpj 45  little_pij 50  little_dij 33.5
+at 0 posture open wrist -0.3 0 0.09 0 0 0 dead_man off
+at 1.5 dead_man on
+at 2.0
+at 2.5 posture press
+end 60
+"""
+
+
+def daemon_brakes_the_fingers_of_a_lucidglove():
+    """Pressed onto the table: the brakes that arrive are those of the forces that left, and open at the end."""
+    script = path("press.user", PRESS)
+    glove, tracker = Sim("lucidglove", "--script", script), Sim("fastrak", "--script", script)
+    # Generous ages, so that a busy machine does not end the press.
+    conf = path("lucid.conf", "version = 1;\nsafety = { max_age_s = 0.9; overrun_limit = 10000; };\nlimiter = { max_age_s = 0.9; };\n")
+    summary = path("lucid.json")
+    result = run(GLOVED, "--config", conf, "--fcu", f"serial:{glove.link}?type=lucidglove", "--tracker", f"serial:{tracker.link}?type=fastrak",
+                 "--duration", "4.5", "--lcm", "none", "--no-rt", "--summary", summary)
+    glove_report, _ = glove.end(), tracker.end()
+    assert result.returncode == 0, result
+    with open(summary) as file:
+        report = json.load(file)
+    lines, largest, last = re.search(r"(\d+) lines of brakes, .* largest ([\d ]+), at the end ([\d ]+)", glove_report).groups()
+    assert int(lines) > 100 and " 0 refused" in glove_report and last == "0 0 0 0 0", glove_report
+    force = report["force_max_n"]
+    assert report["state"] == "active" and max(force) > 1 and report["rt_heap_calls"] == 0, report
+    for brake, newtons in zip(map(int, largest.split()), force):
+        assert brake <= newtons / 12 * 1000 + 1e-3 and brake >= 0.5 * newtons / 12 * 1000 - 5, (largest, force)
+
+
 def serialsim_refuses():
     for word, options in [("which device", []), ("unknown device", ["keyboard"]), ("18 or 22", ["cyberglove", "--sensors", "20"]),
                           ("number from 0 to 1", ["fastrak", "--gap", "2"]), ("no value", ["fastrak", "--gap"]),
@@ -172,5 +204,6 @@ def serialsim_refuses():
 # Side by side: most of them wait for a (simulated) hand.
 with concurrent.futures.ThreadPoolExecutor() as pool:
     list(pool.map(test, (calibrate_without_questions, calibrate_walks_a_person_through, calibrate_refuses,
-                         calibrate_a_bare_glove_with_18_sensors, daemon_grasps_with_serial_devices, serialsim_refuses)))
+                         calibrate_a_bare_glove_with_18_sensors, daemon_grasps_with_serial_devices,
+                         daemon_brakes_the_fingers_of_a_lucidglove, serialsim_refuses)))
 sys.exit(failed)
