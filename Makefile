@@ -235,6 +235,7 @@ $(B)/gloved: $(B)/src/process/main.o $(LIB)
 $(TOOLS:%=$(B)/%): $(B)/%: $(B)/tools/%.o $(LIB)
 	@echo "  LD   $@"
 	$(Q)$(CC) $(LDFLAGS) $(filter-out $(LIB),$^) $(LIB) $(LDLIBS) -o $@
+$(B)/fcusim: $(call OBJ,$(wildcard tools/fcusim/*.c))
 $(B)/gloved-trace: $(call OBJ,$(wildcard tools/trace/*.c))
 # Benchmarks: clocks around the step's parts, by way of the linker; the peers from their own packages.
 $(B)/test/bench_engine: $(B)/test/bench_engine.o $(LIB)

@@ -44,7 +44,7 @@ static gv_frame glove(double index_rad, uint8_t flags, uint32_t age_us) {
 }
 
 static gv_frame pose(uint8_t receiver, double height_m, uint8_t flags) {
-  gv_pose_msg msg = {.counter = pose_counter++, .flags = flags, .receiver = receiver,
+  gv_pose_msg msg = {.counter = pose_counter++, .flags = flags, .receiver = receiver, .stamp_us = (uint32_t)(now_ns / 1000),
                      .T_world_receiver = {{1, 0, 0, 0}, {0, 0, height_m}}};
   gv_frame frame;
   gv_fcu_pack_pose(&msg, &frame);
@@ -247,6 +247,52 @@ static void test_silence_is_a_fault_and_ends_the_force(void) {
   CHECK(session.faults_seen & GV_FAULT_GLOVE_STALE, "the reason is kept");
 }
 
+// Frames as fresh as ever, the finger pressed; stamps that go on, or stand still, for the glove and for the hand.
+static void press_with_stamps(int count, int64_t tick_ns, bool freeze_glove, bool freeze_hand) {
+  gv_glove_msg g;
+  gv_pose_msg p;
+  for (int i = 0; i < count; i++) {
+    gv_frame frame[2] = {glove(1.05, GV_GLOVE_DEAD_MAN, 0), pose(GV_RECEIVER_HAND, 0.06, GV_POSE_VALID)};
+    CHECK(gv_fcu_unpack_glove(&frame[0], &g) == 0 && gv_fcu_unpack_pose(&frame[1], &p) == 0, "decodes");
+    const uint32_t coarse = (uint32_t)(now_ns / tick_ns * tick_ns / 1000);
+    g.stamp_us = freeze_glove ? 7 : coarse;
+    p.stamp_us = freeze_hand ? 7 : coarse;
+    gv_fcu_pack_glove(&g, &frame[0]);
+    gv_fcu_pack_pose(&p, &frame[1]);
+    step(frame, 2);
+  }
+}
+
+static void test_a_clock_that_stands_still_ends_the_force(void) {
+  for (int which = 0; which < 2; which++) {
+    press_until_force();
+    press_with_stamps(95, MS, which == 0, which == 1);
+    CHECK(session.safety.state == GV_SAFETY_ACTIVE, "too early: %s", gv_safety_name(session.safety.state));
+    press_with_stamps(26, MS, which == 0, which == 1);
+    CHECK(session.safety.state == GV_SAFETY_FAULT && commanded_max() == 0.0, "%g N", commanded_max());
+    CHECK(session.faults_seen == (which == 0 ? GV_FAULT_GLOVE_STALE : GV_FAULT_TRACKER_STALE), "faults %x", session.faults_seen);
+  }
+}
+
+static void test_a_coarse_clock_is_no_fault(void) {
+  press_until_force();
+  press_with_stamps(500, 48 * MS, false, false);
+  CHECK(session.safety.state == GV_SAFETY_ACTIVE && commanded_max() > 0.3, "%s", gv_safety_name(session.safety.state));
+}
+
+static void test_after_a_pause_forces_start_from_none(void) {
+  press_until_force();
+  const double before = commanded_max(), rise = session.cfg.limiter.slew_n_per_s * session.cfg.period_s;
+  for (unsigned skipped = 0; skipped < 8; skipped++) {
+    press(20, 1.05, GV_GLOVE_DEAD_MAN);
+    const gv_frame frame[2] = {glove(1.05, GV_GLOVE_DEAD_MAN, 0), pose(GV_RECEIVER_HAND, 0.06, GV_POSE_VALID)};
+    now_ns += (1 + skipped) * MS;
+    gv_session_step(&session, now_ns, frame, 2, skipped, &command);
+    const bool let_go = skipped + 1 >= 5;
+    CHECK(let_go ? commanded_max() <= rise : commanded_max() > 0.8 * before, "%u skipped: %g N", skipped, commanded_max());
+  }
+}
+
 static void test_device_fault_ends_the_force(void) {
   press_until_force();
   step_one(status(GV_STATUS_FAULT | GV_STATUS_DEAD_MAN));
@@ -347,6 +393,9 @@ int main(void) {
   RUN(test_force_needs_the_dead_man_switch);
   RUN(test_device_must_report_the_switch_too);
   RUN(test_silence_is_a_fault_and_ends_the_force);
+  RUN(test_a_clock_that_stands_still_ends_the_force);
+  RUN(test_a_coarse_clock_is_no_fault);
+  RUN(test_after_a_pause_forces_start_from_none);
   RUN(test_device_fault_ends_the_force);
   RUN(test_broken_frames_end_the_force);
   RUN(test_stalls);

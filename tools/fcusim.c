@@ -2,15 +2,18 @@
 // fcusim: the simulated force control unit on the other end of a UDP wire (cannelloni v2) or a CAN bus, in real time.
 //
 //   fcusim --udp udp://HOST:PORT?listen=PORT|--can IFACE [--script FILE] [--device best|real|NAME=VALUE] [--seed N]
-//          [--wait S] [--duration S] [--record FILE] [--report FILE.json]
+//          [--wait S] [--duration S] [--fault KIND@S] [--record FILE] [--report FILE.json] [--forces FILE.csv]
 //
 // It sends at once, the user holding still, and starts the script with the first FORCE_COMMAND or after
 // --wait seconds, so that neither side has to be started first. --record writes every frame, sent and
-// received, as candump -L text. Ends with the script (or --duration). Exit code: 0 done, 1 a command broke a
+// received, as candump -L text; --forces a line for each millisecond of the device: what it heard and what its
+// tendons pull. --fault spoils device or link from a moment of the script on (fcusim/fault.h). Ends with the script (or --duration). Exit code: 0 done, 1 a command broke a
 // limit (maximum, slew, checksum), 2 bad usage or input. One thread: sleep to the next millisecond, receive,
 // step, send. The simulated world takes one step a period: where the host stalls, it stalls with it.
 #include "gloved/drivers.h"
 #include "gloved/sim.h"
+
+#include "fcusim/fault.h"
 
 #include <errno.h>
 #include <inttypes.h>
@@ -27,7 +30,7 @@ enum { RECORD_BYTES = 64 << 20 };
 static char record_buffer[RECORD_BYTES];
 
 typedef struct options {
-  const char *udp, *can, *script, *record, *report;
+  const char *udp, *can, *script, *record, *report, *forces;
   double wait_s, duration_s; // duration 0: the script's
   uint64_t seed;             // 0: the script's
 } options;
@@ -36,8 +39,10 @@ typedef struct session {
   gv_sim sim;
   gv_sim_script script;
   gv_driver link;
-  FILE *record;
+  FILE *record, *forces;
   uint64_t stalls;           // periods left out
+  fault fault;
+  int64_t start_ns;          // device time at which the script started; negative: not yet
 } session;
 
 static session all;          // static: no heap, zeroed
@@ -46,7 +51,7 @@ static void on_signal(int number) { (void)number; interrupted = 1; }
 
 static const char usage_text[] =
   "usage: fcusim --udp udp://HOST:PORT?listen=PORT|--can IFACE [--script FILE] [--device best|real|NAME=VALUE] "
-  "[--seed N] [--wait S] [--duration S] [--record FILE] [--report FILE.json]";
+  "[--seed N] [--wait S] [--duration S] [--fault KIND@S] [--record FILE] [--report FILE.json] [--forces FILE.csv]";
 
 static int usage(const char *what, const char *which) {
   fprintf(stderr, "fcusim: %s%s; %s\n", what, which, usage_text);
@@ -92,6 +97,8 @@ static int read_option(const char *name, const char *value, options *o) {
   else if (strcmp(name, "--script") == 0) o->script = value;
   else if (strcmp(name, "--record") == 0) o->record = value;
   else if (strcmp(name, "--report") == 0) o->report = value;
+  else if (strcmp(name, "--forces") == 0) o->forces = value;
+  else if (strcmp(name, "--fault") == 0) error = fault_parse(value, &all.fault) ? 0 : usage("--fault KIND@SECONDS wants as KIND ", fault_kinds);
   else if (strcmp(name, "--device") == 0) error = set_device(&all.script.device, value);
   else if (strcmp(name, "--wait") == 0) error = read_number(name, value, 0, 3600, &o->wait_s);
   else if (strcmp(name, "--duration") == 0) error = read_number(name, value, 0.001, 86400, &o->duration_s);
@@ -150,6 +157,7 @@ static void receive(int64_t device_ns) {
   gv_frame frame[BUNDLE];
   int n;
   while ((n = all.link.poll(all.link.self, INT64_MAX, frame, BUNDLE)) > 0) {
+    n = fault_apply(&all.fault, frame, n);
     for (int i = 0; i < n; i++) {
       gv_sim_receive(&all.sim, &frame[i]);
       frame[i].stamp_ns = device_ns;
@@ -162,22 +170,35 @@ static void start_script(const options *o, int64_t device_ns) {
   bool commanded = gv_sim_report_of(&all.sim)->commands > 0;
   if (gv_sim_started(&all.sim) || (!commanded && (double)device_ns < o->wait_s * 1e9)) return;
   gv_sim_start(&all.sim);
+  all.start_ns = device_ns;
   if (commanded) printf("fcusim: the engine speaks; the script starts\n");
   else printf("fcusim: no command in %g s; the script starts all the same\n", o->wait_s);
   fflush(stdout);
+}
+
+// Device time, time of the script, whether the fault is on, good commands so far, applied tensions.
+static void note_forces(int64_t device_ns) {
+  if (!all.forces) return;
+  const double *t = gv_sim_tension(&all.sim);
+  fprintf(all.forces, "%.3f,%.3f,%d,%" PRIu64 ",%.4f,%.4f,%.4f,%.4f,%.4f\n", 1e-9 * (double)device_ns,
+          all.start_ns < 0 ? -1.0 : 1e-9 * (double)(device_ns - all.start_ns), all.fault.active,
+          gv_sim_report_of(&all.sim)->commands, t[0], t[1], t[2], t[3], t[4]);
 }
 
 static void run(const options *o) {
   int64_t next_ns = clock_ns(), device_ns = 0, end_ns = o->duration_s > 0 ? (int64_t)(o->duration_s * 1e9) : INT64_MAX;
   while (!interrupted && device_ns < end_ns && !gv_sim_ended(&all.sim)) {
     gv_frame frame[BUNDLE];
+    fault_time(&all.fault, all.start_ns < 0 ? -1.0 : 1e-9 * (double)(device_ns - all.start_ns));
     receive(device_ns);
     start_script(o, device_ns);
     int n;
     while ((n = gv_sim_advance(&all.sim, device_ns, frame, BUNDLE)) > 0) {
+      n = fault_apply(&all.fault, frame, n);
       all.link.send(all.link.self, frame, n);
       record(frame, n);
     }
+    note_forces(device_ns);
     device_ns += PERIOD_NS;
     next_ns += PERIOD_NS;
     int64_t late_ns = clock_ns() - next_ns;
@@ -233,6 +254,12 @@ int main(int argc, char **argv) {
     return 2;
   }
   if (all.record) setvbuf(all.record, record_buffer, _IOFBF, sizeof record_buffer);
+  if (o.forces && !(all.forces = fopen(o.forces, "w"))) {
+    fprintf(stderr, "fcusim: %s: %s; give a file that can be written\n", o.forces, strerror(errno));
+    return 2;
+  }
+  if (all.forces) fputs("device_s,script_s,fault,commands,thumb_n,index_n,middle_n,ring_n,little_n\n", all.forces);
+  all.start_ns = -1;
   raise_priority();
   signal(SIGINT, on_signal);
   signal(SIGTERM, on_signal);
@@ -243,6 +270,7 @@ int main(int argc, char **argv) {
   print_summary(report, &link);
   all.link.close(all.link.self);
   if (all.record && fclose(all.record)) error = usage("the recording could not be written: ", o.record);
+  if (all.forces && fclose(all.forces)) error = usage("the forces could not be written: ", o.forces);
   if (o.report) error = write_report(o.report, report, &link);
   return error ? error : limits_broken(report) ? 1 : 0;
 }

@@ -57,6 +57,7 @@ static gv_fcu_error take_glove(gv_session *session, const gv_frame *frame, int64
     session->frames.unusable++;
     return GV_FCU_OK;
   }
+  if (!session->glove_seen || msg.stamp_us != session->glove.stamp_us) session->glove_moved_ns = frame->stamp_ns;
   session->glove = msg;
   session->glove_time_ns = measured_at(session, frame, now_ns, msg.age_us);
   session->glove_seen = session->sample.glove_new = true;
@@ -74,6 +75,7 @@ static gv_fcu_error take_pose(gv_session *session, const gv_frame *frame, int64_
     session->head = msg;
     session->head_seen = true;
   } else if (msg.receiver == GV_RECEIVER_HAND) {
+    if (!session->hand_seen || msg.stamp_us != session->hand.stamp_us) session->hand_moved_ns = frame->stamp_ns;
     session->hand = msg;
     session->hand_time_ns = measured_at(session, frame, now_ns, msg.age_us);
     session->hand_seen = session->sample.pose_new = true;
@@ -122,15 +124,20 @@ static double largest(const double value[GV_FINGERS]) {
   return max;
 }
 
-static double age_s(bool seen, int64_t time_ns, int64_t now_ns) {
-  return seen ? (double)(now_ns - time_ns) * 1e-9 : HUGE_VAL;
+// Age of the newest sample. A device that repeats one measurement with its stamp, however fresh its frames, is as
+// old as that stamp; since the clocks of some devices tick only every 32 ms, twice the largest age is let pass.
+static double age_s(const gv_session *session, bool seen, int64_t time_ns, int64_t moved_ns, int64_t now_ns) {
+  if (!seen) return HUGE_VAL;
+  const double age = (double)(now_ns - time_ns) * 1e-9, standing = (double)(now_ns - moved_ns) * 1e-9;
+  return standing > 2.0 * session->cfg.safety.max_age_s ? fmax(age, standing) : age;
 }
 
 // A step that came late is one overrun however late it came: a shared machine stalls for 10 to 30 ms now and
 // then, and the device's watchdog has let go of the force by then. A stall beyond the largest age of a sample
 // is a fault at once: nobody knows where the hand was meanwhile, and frames that waited in a socket look fresh.
 static unsigned count_overruns(const gv_session *session, unsigned periods_skipped) {
-  if (periods_skipped * session->cfg.period_s > session->cfg.safety.max_age_s) return session->cfg.safety.overrun_limit + 1;
+  const double pause_s = fmax(periods_skipped * session->cfg.period_s, session->pause_s);
+  if (pause_s > session->cfg.safety.max_age_s) return session->cfg.safety.overrun_limit + 1;
   return periods_skipped > 0 ? 1 : 0;
 }
 
@@ -174,19 +181,29 @@ static void send_force(gv_session *session, const double desired_n[GV_FINGERS], 
 }
 
 static void update_ages(gv_session *session, int64_t now_ns) {
-  session->glove_age_s = age_s(session->glove_seen, session->glove_time_ns, now_ns);
-  session->hand_age_s = age_s(session->hand_seen, session->hand_time_ns, now_ns);
+  session->glove_age_s = age_s(session, session->glove_seen, session->glove_time_ns, session->glove_moved_ns, now_ns);
+  session->hand_age_s = age_s(session, session->hand_seen, session->hand_time_ns, session->hand_moved_ns, now_ns);
+}
+
+// After a pause in which the device let go by itself, forces start from none: going on at the old one, and be it on
+// the ramp down, would pull once more.
+static void forget_force_after_pause(gv_session *session) {
+  if (session->pause_s >= fmax(GV_DEVICE_WATCHDOG_S, 1.5 * session->cfg.period_s))
+    memset(session->limiter.out_n, 0, sizeof session->limiter.out_n);
 }
 
 void gv_session_step(gv_session *session, int64_t now_ns, const gv_frame *frame, int count,
                      unsigned periods_skipped, gv_frame *out_command) {
   const uint64_t errors_before = session->frames.errors;
+  session->pause_s = gv_engine_counters(session->engine)->steps ? (double)(now_ns - session->stepped_ns) * 1e-9 : 0.0;
+  session->stepped_ns = now_ns;
   session->sample.glove_new = session->sample.pose_new = false;
   for (int i = 0; i < count; i++) take_frame(session, &frame[i], now_ns);
   fill_sample(session);
   update_ages(session, now_ns);
   gv_engine_step(session->engine, &session->sample, &session->result);
   step_safety(session, (unsigned)(session->frames.errors - errors_before), periods_skipped);
+  forget_force_after_pause(session);
   send_force(session, session->result.tension_n, out_command);
 }
 

@@ -19,6 +19,9 @@ enum {
   GV_SESSION_RESYNC = 16
 };
 
+// A device lets go when no command came for so long.
+#define GV_DEVICE_WATCHDOG_S 0.005
+
 typedef struct gv_session_config {
   gv_limiter_config limiter;
   gv_safety_config safety;
@@ -54,6 +57,9 @@ typedef struct gv_session {
   gv_status_msg status;
   bool glove_seen, hand_seen, head_seen, status_seen;
   int64_t glove_time_ns, hand_time_ns;
+  int64_t stepped_ns;      // now_ns of the last step
+  double pause_s;          // between the last two steps; 0 before the second
+  int64_t glove_moved_ns, hand_moved_ns; // arrival of the first sample with the present stamp
   bool other_hand;         // a glove of the other hand was seen
   bool disarmed;           // by request: the dead-man switch counts as open until it really is
   gv_sample sample;        // what the engine got last

@@ -60,6 +60,12 @@ begin removed vcan0 press 20
 await 'armed -> active' 0.3; ip link del vcan0; await 'active -> fault' 0.1; ip link add dev vcan0 type vcan && ip link set vcan0 mtu 72 up
 await 'fault -> wait' 0.5; stop
 
+# The guest's time of day jumps while a force flows.
+device_options='--duration 3'
+begin clock vcan0 press 20
+await 'armed -> active' 0.2; date -s '+1 hour' >/dev/null; sleep 0.2; date -s '-2 hours' >/dev/null
+finish
+
 # A full queue, error frames, a reader that does not read.
 tc qdisc add dev vcan0 root netem delay 40ms limit 8
 device_options='--duration 1.5'

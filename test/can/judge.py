@@ -112,6 +112,14 @@ def test_interface_removed_and_made_again():
     return f"{run['frames']['tx_failed']} commands failed, then ready again"
 
 
+def test_time_of_day_jumps():
+    run = summary("clock")
+    kept_limits("clock")
+    reached("clock", "armed -> active")
+    assert "too old" not in run["faults"] and max(run["force_max_n"]) > 0.1, run["faults"]
+    return f"+1 h and -2 h: no data too old, largest force {max(run['force_max_n']):.2f} N"
+
+
 def test_full_queue_drops():
     run = summary("full")
     kept_limits("full")
