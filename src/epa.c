@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // Penetration depth of overlapping cores: the least support h(n) of the obstacle B - A (Eqn 8), by an
-// expanding polytope in fixed memory on the stack (about 35 kB).
+// expanding polytope in fixed memory on the stack (about 50 kB).
 //
 // The polytope lies inside the obstacle, so the least offset of its faces is a lower bound of the depth,
 // also where it is negative (the origin still outside). Every direction that was asked gives an upper
@@ -96,24 +96,51 @@ static int find_nearest_face(const gv_polytope *P) {
   return best;
 }
 
-// Grow at the face nearest to the origin until the bounds meet. Returns the lower bound.
-static double expand(search *s, int *out_iterations) {
+// The face that the ray along n leaves the polytope through.
+static int find_pierced_face(const gv_polytope *P, gv_vec3 n) {
+  int found = -1;
+  double nearest = HUGE_VAL;
+  for (int f = 0; f < P->face_count; f++) {
+    double slope = gv_dot(P->face[f].normal, n);
+    if (!gv_polytope_alive(P, f) || slope <= 0 || P->face[f].offset >= nearest * slope) continue;
+    nearest = P->face[f].offset / slope, found = f;
+  }
+  return found;
+}
+
+// Asks beyond the face and adds what is there. False where it is final: no point lies further out.
+static bool grow_at(search *s, int f) {
   gv_polytope *P = &s->polytope;
-  double lower = 0, tolerance = P->tolerance;
-  int i = 0;
-  for (; i < GV_EPA_MAX_ITERATIONS && s->count < GV_EPA_MAX_VERTICES; i++) {
+  double offset = P->face[f].offset, h = ask_beyond(s, &P->face[f]);
+  if (h < s->best) s->best = h, s->best_normal = P->face[f].normal;
+  if (h - offset <= P->tolerance) return false;
+  s->count++;
+  if (!gv_polytope_add(P, (uint16_t)(s->count - 1), f)) P->face[f].offset = h;  // final: as close as rounding allows
+  return true;
+}
+
+// Grow at the face nearest to the origin until the bounds meet. Returns the lower bound.
+static double expand(search *s, int *io_iterations) {
+  gv_polytope *P = &s->polytope;
+  double lower = 0;
+  for (; *io_iterations < GV_EPA_MAX_ITERATIONS; ++*io_iterations) {
     int f = find_nearest_face(P);
     lower = P->face[f].offset;
-    if (lower >= s->best - tolerance) break;
-    double h = ask_beyond(s, &P->face[f]);
-    if (h < s->best) s->best = h, s->best_normal = P->face[f].normal;
-    if (h - lower <= tolerance) break;
-    s->count++;
+    if (lower >= s->best - P->tolerance) break;
     if (lower > 0) P->least_offset = lower - 1e-10 * s->size;  // the ball of that radius is inside already
-    if (!gv_polytope_add(P, (uint16_t)(s->count - 1), f)) P->face[f].offset = h;  // final: as close as rounding allows
+    if (!grow_at(s, f)) break;
   }
-  *out_iterations = i;
   return fmin(lower, s->best);
+}
+
+// Where the bounds did not meet in time (round bodies almost concentric: every direction is about as good),
+// downhill from the best direction so far: the side that its ray leaves through is no farther from the origin.
+static void descend(search *s, int *io_iterations) {
+  for (int i = 0; i < GV_EPA_MAX_DESCENT; i++, ++*io_iterations) {
+    double best = s->best;
+    int f = find_pierced_face(&s->polytope, s->best_normal);
+    if (f < 0 || (!grow_at(s, f) && s->best >= best)) break;
+  }
 }
 
 // The point of A under the origin's foot on the best plane: of the triangles of that side, the one that holds it.
@@ -126,7 +153,7 @@ static gv_vec3 find_on_a(const search *s) {
     gv_simplex side = {.count = 3};
     for (int k = 0; k < 3; k++) {
       uint16_t v = P->face[f].vertex[k];
-      side.p[k] = (gv_cso_point){.w = s->w[v], .a = s->on_a[v]};
+      side.p[k] = (gv_cso_point){s->w[v], s->on_a[v]};
     }
     double off = gv_norm(gv_sub(gv_simplex_solve_triangle(&side), foot));
     if (off < least) least = off, on_a = gv_simplex_on_a(&side);
@@ -147,7 +174,9 @@ bool gv_epa_run(const gv_cso *cso, gv_vec3 guess, gv_epa_result *out) {
   s.best = HUGE_VAL;
   s.best_normal = guess;
   add_seeds(&s);
+  out->iterations = 0;
   out->lower_bound = expand(&s, &out->iterations);
+  if (out->iterations == GV_EPA_MAX_ITERATIONS) descend(&s, &out->iterations);
   out->depth = s.best;
   out->normal = s.best_normal;
   out->on_a = find_on_a(&s);

@@ -9,7 +9,7 @@
 #include "check.h"
 #include "gloved/narrow.h"
 
-enum { SOLID_VERTICES = 256, SOLID_FACES = 512, SOLID_CORNERS = 1600, SOLID_EDGES = 800 };
+enum { SOLID_VERTICES = 1024, SOLID_FACES = 2048, SOLID_CORNERS = 6144, SOLID_EDGES = 3072 };
 
 typedef struct solid {
   int vertices, faces, edges;

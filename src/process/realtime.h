@@ -22,7 +22,7 @@ typedef enum gv_refusal { // bits
 } gv_refusal;
 
 enum { GV_REALTIME_STACK = 2 << 20,        // bytes of stack that the loop's thread has (thread-local data lies in it, too),
-       GV_REALTIME_STACK_TOUCHED = 1 << 19 }; // and how many it touches beforehand; a step uses below 64 kB
+       GV_REALTIME_STACK_TOUCHED = 1 << 19 }; // and how many it touches beforehand; a step uses below 96 kB
 
 // Whole process, before the loop's thread starts: touches all code and data that is mapped, and locks
 // memory. Returns gv_refusal bits.
