@@ -157,7 +157,7 @@ def daemon_grasps_with_serial_devices():
     assert report["frames"]["rx"] > 600 and report["frames"]["bad"] > 5, report["frames"]
     assert report["rt_heap_calls"] == 0 and report["contacts_max"] >= 8, report
     assert max(report["force_max_n"]) == 0, "a bare glove let a force out"
-    assert re.search(r"safety: ready -> wait", result.stdout + result.stderr), "the pulled cable was not seen"
+    assert re.search(r"safety: ready -> wait", result.stdout + result.stderr), ("the pulled cable was not seen", result.stdout)
 
 
 PRESS = """posture open  thumb_abduction 45
