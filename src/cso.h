@@ -25,6 +25,7 @@ typedef struct gv_cso {
 typedef struct gv_cso_point {
   gv_vec3 w;              // b - a
   gv_vec3 a;              // the point of A
+  uint16_t vertex_a, vertex_b; // of the cores
 } gv_cso_point;
 
 typedef struct gv_epa_result {
@@ -35,6 +36,8 @@ typedef struct gv_epa_result {
 } gv_epa_result;
 
 gv_core gv_core_place(const gv_shape *shape, gv_pose T_b_shape, bool in_place);
+// A vertex by its number (of a segment or box: bit k is the sign along axis k), and the farthest along d.
+gv_vec3 gv_core_vertex(const gv_core *core, unsigned vertex);
 gv_vec3 gv_core_support(const gv_core *core, gv_vec3 d, uint16_t *hint);
 int gv_hull_support(const gv_hull *hull, gv_vec3 d, int start);
 
@@ -45,7 +48,7 @@ static inline bool gv_core_is_point(const gv_core *core) {  // a ball
 static inline gv_cso_point gv_cso_support(const gv_cso *cso, gv_vec3 n) {
   gv_vec3 b = gv_core_support(&cso->b, n, &cso->cache->vertex_b);
   gv_vec3 a = gv_core_support(&cso->a, gv_neg(n), &cso->cache->vertex_a);
-  return (gv_cso_point){gv_sub(b, a), a};
+  return (gv_cso_point){gv_sub(b, a), a, cso->cache->vertex_a, cso->cache->vertex_b};
 }
 
 // A point inside the core, frame of B.

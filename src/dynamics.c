@@ -13,6 +13,7 @@
 #include <setjmp.h>
 #include <string.h>
 
+#include "direct.h"
 #include "pool.h"
 
 // ODE keeps two step blocks, one for the islands and one for the solver. Dantzig with 128 contacts (384 rows)
@@ -20,6 +21,7 @@
 enum { STEP_BLOCKS = 2, STEP_BYTES = 5 << 20, POOL_BYTES = 1 << 20 };
 // The most contacts of one island that Dantzig's memory is made for, and the fewest iterations that QuickStep is worth.
 enum { DANTZIG_MOST = 128, QUICK_LEAST = 10 };
+#define SLOW_SPIN 5.0  // rad/s, at which an explicit gyroscopic term is as good as any
 
 struct gv_dynamics {
   dWorldID world;
@@ -32,8 +34,10 @@ struct gv_dynamics {
   gv_vec3 force[GV_BODIES], torque[GV_BODIES]; // applied in the coming step, gravity apart
   double mass[GV_BODIES];            // without what the coupling adds
   double inv_mass[GV_BODIES];        // of the body as ODE sees it
-  double inv_inertia[GV_LIMBS];      // the same
-  gv_mat3 inertia[GV_BODIES];
+  gv_mat3 inertia[GV_BODIES];        // body axes, without what the coupling adds
+  gv_mat3 inv_inertia_body[GV_BODIES]; // with it
+  gv_direct direct;
+  gv_direct_body free[GV_BODIES];    // of the bodies in contact, for the direct solver
   int body_count;
   gv_vec3 gravity;
   const gv_config *cfg;
@@ -111,6 +115,13 @@ static void read_back(gv_dynamics *dyn, int i) {
                                   from_ode(dBodyGetLinearVel(b)), from_ode(dBodyGetAngularVel(b))};
 }
 
+static gv_mat3 inverse(const gv_mat3 *K) {
+  gv_vec3 x = gv_v3(K->m[0][0], K->m[0][1], K->m[0][2]), y = gv_v3(K->m[1][0], K->m[1][1], K->m[1][2]), z = gv_v3(K->m[2][0], K->m[2][1], K->m[2][2]);
+  gv_vec3 a = gv_cross(y, z), b = gv_cross(z, x), c = gv_cross(x, y);
+  double f = 1.0 / gv_dot(x, a);
+  return (gv_mat3){{{f * a.x, f * b.x, f * c.x}, {f * a.y, f * b.y, f * c.y}, {f * a.z, f * b.z, f * c.z}}};
+}
+
 static void set_mass(gv_dynamics *dyn, int i, double mass, double added_mass, const gv_mat3 *inertia, double added_inertia) {
   dMass m;
   dMassSetZero(&m);
@@ -121,6 +132,9 @@ static void set_mass(gv_dynamics *dyn, int i, double mass, double added_mass, co
   dyn->mass[i] = mass;
   dyn->inv_mass[i] = 1.0 / m.mass;
   dyn->inertia[i] = *inertia;
+  gv_mat3 whole = *inertia;
+  for (int k = 0; k < 3; k++) whole.m[k][k] += added_inertia;
+  dyn->inv_inertia_body[i] = inverse(&whole);
 }
 
 static void create_body(gv_dynamics *dyn, int i, double mass, const gv_mat3 *inertia) {
@@ -131,7 +145,6 @@ static void create_body(gv_dynamics *dyn, int i, double mass, const gv_mat3 *ine
 void gv_dynamics_set_limb(gv_dynamics *dyn, int limb, const gv_spring *spring, double inertia) {
   const gv_mat3 own = {{{inertia, 0, 0}, {0, inertia, 0}, {0, 0, inertia}}};
   set_mass(dyn, limb, spring->mass_kg, spring->added_mass_kg, &own, spring->added_inertia);
-  dyn->inv_inertia[limb] = 1.0 / (inertia + spring->added_inertia);
 }
 
 // I / m = 2/5 r^2 with 4/3 pi r^3 = volume.
@@ -383,7 +396,7 @@ static void step_free_limb(gv_dynamics *dyn, int i) {
   gv_limb_state *s = &dyn->state[i];
   const double h = dyn->cfg->step_s;
   s->v = gv_mad(s->v, h * dyn->inv_mass[i], dyn->force[i]);
-  s->w = gv_mad(s->w, h * dyn->inv_inertia[i], dyn->torque[i]);
+  s->w = gv_mad(s->w, h * dyn->inv_inertia_body[i].m[0][0], dyn->torque[i]);
   s->T.p = gv_mad(s->T.p, h, s->v);
   gv_quat q = s->T.q, d = gv_quat_mul((gv_quat){0, s->w.x, s->w.y, s->w.z}, q);
   s->T.q = gv_quat_normalize((gv_quat){q.w + 0.5 * h * d.w, q.x + 0.5 * h * d.x, q.y + 0.5 * h * d.y, q.z + 0.5 * h * d.z});
@@ -420,7 +433,70 @@ static bool try_step(gv_dynamics *dyn, const gv_dynamics_contact *contact, int c
   return done;
 }
 
-bool gv_dynamics_step(gv_dynamics *dyn, const gv_dynamics_contact *contact, int count, gv_vec3 force_on_a[]) {
+// ---- the direct solver ----------------------------------------------------------------------------
+
+// R K R^T.
+static gv_mat3 in_world(gv_quat q, const gv_mat3 *K) {
+  gv_mat3 R = gv_mat3_from_quat(q), out;
+  for (int r = 0; r < 3; r++) {
+    gv_vec3 row = gv_mat3_mul_t(K, gv_v3(R.m[r][0], R.m[r][1], R.m[r][2])), of_world = gv_mat3_mul(&R, row);
+    out.m[r][0] = of_world.x, out.m[r][1] = of_world.y, out.m[r][2] = of_world.z;
+  }
+  return out;
+}
+
+static void free_motion(const gv_dynamics *dyn, int i, gv_direct_body *out) {
+  const gv_limb_state *s = &dyn->state[i];
+  const double h = dyn->cfg->step_s;
+  *out = (gv_direct_body){.p = s->T.p};
+  if (!dyn->body[i] || (i >= GV_LIMBS && !dyn->in_ode[i])) return;  // does not move
+  gv_vec3 torque = dyn->torque[i];
+  out->inv_mass = dyn->inv_mass[i];
+  out->inv_inertia = i < GV_LIMBS ? dyn->inv_inertia_body[i] : in_world(s->T.q, &dyn->inv_inertia_body[i]);
+  if (i >= GV_LIMBS) {
+    gv_vec3 w = gv_rotate_inv(s->T.q, s->w);
+    torque = gv_sub(torque, gv_rotate(s->T.q, gv_cross(w, gv_mat3_mul(&dyn->inertia[i], w))));
+    out->v = gv_scale(dyn->gravity, h);
+  }
+  out->v = gv_mad(gv_add(s->v, out->v), h * out->inv_mass, dyn->force[i]);
+  out->w = gv_mad(s->w, h, gv_mat3_mul(&out->inv_inertia, torque));
+}
+
+// For Coulomb friction and bodies that do not spin: ODE's gyroscopic term is implicit, the one above is not.
+static bool suits_direct(const gv_dynamics *dyn, const gv_dynamics_contact *contact, int count) {
+  if (dyn->cfg->solver != GV_SOLVER_AUTO || count == 0 || count > GV_DIRECT_CONTACTS) return false;
+  for (int i = 0; i < count; i++) {
+    const gv_dynamics_contact *c = &contact[i];
+    if (!contact_sound(c) || c->friction != GV_FRICTION_PYRAMID) return false;
+    if (c->body_a >= GV_LIMBS && gv_norm2(dyn->state[c->body_a].w) > SLOW_SPIN * SLOW_SPIN) return false;
+    if (gv_norm2(dyn->state[c->body_b].w) > SLOW_SPIN * SLOW_SPIN) return false;
+  }
+  return true;
+}
+
+static void push(gv_dynamics *dyn, int i, gv_vec3 at, gv_vec3 f) {
+  gv_dynamics_add_force(dyn, i, f, gv_cross(gv_sub(at, dyn->state[i].T.p), f));
+}
+
+// Contact forces found without ODE, which then moves the objects under them.
+static bool solve_direct(gv_dynamics *dyn, const gv_dynamics_contact *contact, int count, gv_vec3 force_on_a[]) {
+  bool known[GV_BODIES] = {false};
+  for (int i = 0; i < 2 * count; i++) {
+    int b = i % 2 ? contact[i / 2].body_b : contact[i / 2].body_a;
+    if (!known[b]) free_motion(dyn, b, &dyn->free[b]);
+    known[b] = true;
+  }
+  if (!gv_direct_solve(&dyn->direct, dyn->cfg, dyn->free, contact, count, force_on_a)) return false;
+  for (int i = 0; i < count; i++) {
+    push(dyn, contact[i].body_a, contact[i].position, force_on_a[i]);
+    push(dyn, contact[i].body_b, contact[i].position, gv_neg(force_on_a[i]));
+  }
+  return true;
+}
+
+// ---- the step -------------------------------------------------------------------------------------
+
+static gv_solver solve_in_ode(gv_dynamics *dyn, const gv_dynamics_contact *contact, int count, gv_vec3 force_on_a[]) {
   sort_limbs(dyn, contact, count);
   bool quick = choose_solver(dyn, contact, count), done = try_step(dyn, contact, count, quick);
   if (!done) dyn->solver_errors++;
@@ -429,13 +505,22 @@ bool gv_dynamics_step(gv_dynamics *dyn, const gv_dynamics_contact *contact, int 
     if (!try_step(dyn, contact, count, true)) dyn->solver_errors++;
   }
   for (int i = 0; i < count; i++) force_on_a[i] = from_ode(dyn->feedback[i].f1);
+  return quick ? GV_SOLVER_QUICK : GV_SOLVER_DANTZIG;
+}
+
+gv_solver gv_dynamics_step(gv_dynamics *dyn, const gv_dynamics_contact *contact, int count, gv_vec3 force_on_a[]) {
+  gv_solver used = GV_SOLVER_AUTO;
+  if (suits_direct(dyn, contact, count) && solve_direct(dyn, contact, count, force_on_a)) used = GV_SOLVER_DIRECT, count = 0;
+  gv_solver in_ode = solve_in_ode(dyn, contact, count, force_on_a);
   for (int i = 0; i < dyn->body_count; i++) {
     if (dyn->in_ode[i]) read_back(dyn, i);
     else if (i < GV_LIMBS && !dyn->parked) step_free_limb(dyn, i);
     dyn->force[i] = dyn->torque[i] = gv_v3(0, 0, 0);
   }
-  return quick;
+  return used == GV_SOLVER_DIRECT ? used : in_ode;
 }
+
+void gv_dynamics_forget(gv_dynamics *dyn) { dyn->direct.last_count = 0; }
 
 void gv_dynamics_warm_up(gv_dynamics *dyn) {
   static const gv_dynamics_contact floor = {.body_a = 0, .body_b = 1, .normal = {0, 0, 1}, .friction_dir = {1, 0, 0}, .mu = 1};

@@ -39,14 +39,16 @@ void gv_dynamics_park_limbs(gv_dynamics *dyn, bool parked);
 void gv_dynamics_set_rest(gv_dynamics *dyn, int body, bool rest);
 // Was a force added for the coming step?
 bool gv_dynamics_pushed(const gv_dynamics *dyn, int body);
+// Drop what was kept from the last step.
+void gv_dynamics_forget(gv_dynamics *dyn);
 gv_vec3 gv_dynamics_gravity(const gv_dynamics *dyn);
 double gv_dynamics_mass(const gv_dynamics *dyn, int body); // 0: static
 // Velocity that a body would have after the step without contacts.
 gv_limb_state gv_dynamics_predict(const gv_dynamics *dyn, int body);
 
 void gv_dynamics_add_force(gv_dynamics *dyn, int body, gv_vec3 f, gv_vec3 t);
-// One step (Eqn 11 to 18). force_on_a[i] receives contact i's force. Returns true where QuickStep was used.
-bool gv_dynamics_step(gv_dynamics *dyn, const gv_dynamics_contact *contact, int count, gv_vec3 force_on_a[]);
+// One step (Eqn 11 to 18). force_on_a[i] receives contact i's force. Returns the solver that found them.
+gv_solver gv_dynamics_step(gv_dynamics *dyn, const gv_dynamics_contact *contact, int count, gv_vec3 force_on_a[]);
 // Complaints of the solver so far ("LCP internal error").
 unsigned gv_dynamics_solver_errors(const gv_dynamics *dyn);
 // Kinetic energy of the objects plus their potential energy, joules.

@@ -103,6 +103,7 @@ void gv_engine_reset(gv_engine *e) {
   memset(e->felt_f, 0, sizeof e->felt_f);
   memset(e->felt_t, 0, sizeof e->felt_t);
   gv_dynamics_park_limbs(e->dyn, true);
+  gv_dynamics_forget(e->dyn);
   for (int o = 0; o < e->scene->object_count; o++) gv_engine_wake_object(e, o);
   for (int o = 0; o < e->scene->object_count; o++)
     gv_dynamics_set_state(e->dyn, GV_LIMBS + o, &(gv_limb_state){.T = e->scene->object[o].T_world_body});
@@ -176,10 +177,12 @@ static void pull_limbs(gv_engine *e) {
 
 static void solve(gv_engine *e) {
   gv_vec3 force[GV_MAX_CONTACTS];
-  if (gv_dynamics_step(e->dyn, e->solver_contact, e->contact_count, force)) {
+  gv_solver used = gv_dynamics_step(e->dyn, e->solver_contact, e->contact_count, force);
+  if (used == GV_SOLVER_QUICK) {
     e->events |= GV_EVENT_QUICKSTEP;
     e->counters.quicksteps++;
   }
+  if (used == GV_SOLVER_DIRECT) e->counters.direct_steps++;
   for (int i = 0; i < e->contact_count; i++) e->contact[i].force_world = force[i];
   e->counters.solver_errors = gv_dynamics_solver_errors(e->dyn);
 }

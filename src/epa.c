@@ -153,7 +153,7 @@ static gv_vec3 find_on_a(const search *s) {
     gv_simplex side = {.count = 3};
     for (int k = 0; k < 3; k++) {
       uint16_t v = P->face[f].vertex[k];
-      side.p[k] = (gv_cso_point){s->w[v], s->on_a[v]};
+      side.p[k] = (gv_cso_point){.w = s->w[v], .a = s->on_a[v]};
     }
     double off = gv_norm(gv_sub(gv_simplex_solve_triangle(&side), foot));
     if (off < least) least = off, on_a = gv_simplex_on_a(&side);

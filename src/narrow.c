@@ -21,13 +21,34 @@ static bool is_corner(const gv_simplex *s, gv_vec3 w) {
   return false;
 }
 
-// Walks to the point of B - A nearest to the origin. On FAR, *io_n separates by more than `limit`.
+static bool has_vertex(const gv_core *core, unsigned vertex) {
+  return core->kind == GV_CORE_HULL ? vertex < (unsigned)core->hull->vertex_count : vertex < (core->kind == GV_CORE_BOX ? 8U : 2U);
+}
+
+// The corners that carried the nearest point last time, where they are now.
+static bool recall_simplex(const gv_cso *cso, gv_simplex *s) {
+  const gv_pair_cache *c = cso->cache;
+  if (c->corners == 0 || c->corners > 3) return false;
+  for (s->count = 0; s->count < c->corners; s->count++) {
+    uint16_t i = c->corner_a[s->count], k = c->corner_b[s->count];
+    if (!has_vertex(&cso->a, i) || !has_vertex(&cso->b, k)) return false;
+    gv_vec3 a = gv_core_vertex(&cso->a, i);
+    s->p[s->count] = (gv_cso_point){gv_sub(gv_core_vertex(&cso->b, k), a), a, i, k};
+  }
+  return true;
+}
+
+static void keep_simplex(gv_pair_cache *cache, const gv_simplex *s) {
+  cache->corners = (uint16_t)s->count;
+  for (int k = 0; k < s->count; k++) cache->corner_a[k] = s->p[k].vertex_a, cache->corner_b[k] = s->p[k].vertex_b;
+}
+
+// Walks from the simplex to the point of B - A nearest to the origin. On FAR, *io_n separates by more than `limit`.
 static outcome walk(const gv_cso *cso, double limit, gv_vec3 *io_n, gv_simplex *s, gv_vec3 *out_v, int *io_iterations) {
-  s->p[0] = gv_cso_support(cso, *io_n);
-  s->count = 1, s->weight[0] = 1;
   gv_vec3 v = s->p[0].w;
-  double lower = -gv_dot(*io_n, v);
-  if (lower > limit) return FAR;
+  s->weight[0] = 1;
+  if (s->count > 1) gv_simplex_solve(s, &v);
+  double lower = 0.0;
   int stalls = 0;
   for (int i = 0; i < GV_GJK_MAX_ITERATIONS; i++) {
     double far = gv_norm(v);
@@ -79,23 +100,39 @@ static void find_depth(const gv_cso *cso, gv_vec3 guess, gv_distance *out) {
   else take_overlap(&faces, GV_NARROW_FACES, out);
 }
 
-// Cores: frame of B, spheres left out. A cached normal along which the cores overlap means that they most
-// likely still do (a box at rest on a table): the polytope is asked first.
+// A cached normal along which the cores overlap means that they most likely still do (a box at rest on a table):
+// the polytope is asked first. True where its answer stands; else *io_n is a better guess.
+static bool still_overlap(const gv_cso *cso, gv_vec3 *io_n, gv_distance *out) {
+  gv_epa_result r;
+  if (!gv_epa_run(cso, *io_n, &r)) return false;
+  if (r.lower_bound >= -touching && r.depth - r.lower_bound <= 1e-6) {
+    take_overlap(&r, GV_NARROW_EPA, out);
+    return true;
+  }
+  *io_n = r.normal;
+  return false;
+}
+
+// Cores: frame of B, spheres left out. `cached`: the last normal, or zero.
 static void distance_of_cores(const gv_cso *cso, double limit, gv_vec3 cached, gv_distance *out) {
   gv_simplex s;
-  gv_epa_result r;
   gv_vec3 v = gv_v3(0, 0, 0), between = gv_sub(gv_core_center(&cso->a), gv_core_center(&cso->b));
   bool warm = gv_norm2(cached) > 0.5;
   gv_vec3 n = warm ? cached : gv_normalize_or(between, gv_v3(0, 0, 1)), guess = n;
-  if (warm && gv_dot(gv_cso_support(cso, n).w, n) > 0 && gv_epa_run(cso, n, &r)) {
-    if (r.lower_bound >= -touching && r.depth - r.lower_bound <= 1e-6) {
-      take_overlap(&r, GV_NARROW_EPA, out);
+  if (!warm || !recall_simplex(cso, &s)) {
+    s.p[0] = gv_cso_support(cso, n), s.count = 1;
+    double overlap = gv_dot(s.p[0].w, n);
+    if (warm && overlap > 0) {
+      if (still_overlap(cso, &n, out)) return;
+      s.p[0] = gv_cso_support(cso, n);
+    } else if (-overlap > limit) {
+      out->method = GV_NARROW_FAR, out->distance = limit, out->normal_world = n;
       return;
     }
-    n = r.normal;
   }
   outcome end = walk(cso, limit, &n, &s, &v, &out->iterations);
-  if (end == APART) take_apart(&s, v, out);
+  cso->cache->corners = 0;
+  if (end == APART) take_apart(&s, v, out), keep_simplex(cso->cache, &s);
   if (end == OVERLAP) find_depth(cso, guess, out);
   if (end == FAR) out->method = GV_NARROW_FAR, out->distance = limit, out->normal_world = n;
 }

@@ -47,21 +47,26 @@ gv_core gv_core_place(const gv_shape *shape, gv_pose T_b_shape, bool in_place) {
   return core;
 }
 
-static gv_vec3 step_along(gv_vec3 p, gv_vec3 axis, gv_vec3 d) {
-  return gv_dot(axis, d) >= 0 ? gv_add(p, axis) : gv_sub(p, axis);
+gv_vec3 gv_core_vertex(const gv_core *core, unsigned vertex) {
+  gv_vec3 p = core->center;
+  if (core->kind == GV_CORE_HULL) {
+    gv_vec3 v = core->hull->vertex[vertex];
+    return core->in_place ? v : gv_add(p, gv_mat3_mul(&core->R, v));
+  }
+  int axes = core->kind == GV_CORE_BOX ? 3 : 1;
+  for (int k = 0; k < axes; k++) p = vertex >> k & 1 ? gv_add(p, core->axis[k]) : gv_sub(p, core->axis[k]);
+  return p;
 }
 
 gv_vec3 gv_core_support(const gv_core *core, gv_vec3 d, uint16_t *hint) {
-  gv_vec3 p = core->center;
-  switch (core->kind) {
-    case GV_CORE_SEGMENT: return step_along(p, core->axis[0], d);
-    case GV_CORE_BOX: return step_along(step_along(step_along(p, core->axis[0], d), core->axis[1], d), core->axis[2], d);
-    case GV_CORE_HULL: break;
+  unsigned vertex = gv_dot(core->axis[0], d) >= 0;
+  if (core->kind == GV_CORE_HULL) {
+    vertex = (unsigned)gv_hull_support(core->hull, core->in_place ? d : gv_mat3_mul_t(&core->R, d), *hint);
+  } else if (core->kind == GV_CORE_BOX) {
+    vertex |= (unsigned)(gv_dot(core->axis[1], d) >= 0) << 1 | (unsigned)(gv_dot(core->axis[2], d) >= 0) << 2;
   }
-  gv_vec3 d_hull = core->in_place ? d : gv_mat3_mul_t(&core->R, d);
-  *hint = (uint16_t)gv_hull_support(core->hull, d_hull, *hint);
-  gv_vec3 v = core->hull->vertex[*hint];
-  return core->in_place ? v : gv_add(p, gv_mat3_mul(&core->R, v));
+  *hint = (uint16_t)vertex;
+  return gv_core_vertex(core, vertex);
 }
 
 gv_vec3 gv_support(const gv_shape *shape, const gv_pose *T_world_shape, gv_vec3 d_world, uint16_t *hint) {

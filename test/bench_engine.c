@@ -41,13 +41,13 @@ void __wrap_gv_engine_collide(gv_engine *engine) {
   collide_ns = now_ns() - start;
 }
 
-bool __real_gv_dynamics_step(gv_dynamics *dyn, const gv_dynamics_contact *contact, int count, gv_vec3 force_on_a[]);
-bool __wrap_gv_dynamics_step(gv_dynamics *dyn, const gv_dynamics_contact *contact, int count, gv_vec3 force_on_a[]);
-bool __wrap_gv_dynamics_step(gv_dynamics *dyn, const gv_dynamics_contact *contact, int count, gv_vec3 force_on_a[]) {
+gv_solver __real_gv_dynamics_step(gv_dynamics *dyn, const gv_dynamics_contact *contact, int count, gv_vec3 force_on_a[]);
+gv_solver __wrap_gv_dynamics_step(gv_dynamics *dyn, const gv_dynamics_contact *contact, int count, gv_vec3 force_on_a[]);
+gv_solver __wrap_gv_dynamics_step(gv_dynamics *dyn, const gv_dynamics_contact *contact, int count, gv_vec3 force_on_a[]) {
   int64_t start = now_ns();
-  bool quick = __real_gv_dynamics_step(dyn, contact, count, force_on_a);
+  gv_solver used = __real_gv_dynamics_step(dyn, contact, count, force_on_a);
   dynamics_ns = now_ns() - start;
-  return quick;
+  return used;
 }
 
 // ---- one grasp ------------------------------------------------------------------------------------

@@ -123,7 +123,7 @@ static void draw_gap(const gv_shape *a, gv_pose *A, const gv_shape *b, const gv_
   double style = draw(0, 6), size = pow(10, draw(-12, -2.5)), sign = draw(-1, 1) < 0 ? -1 : 1;
   if (style < 1.5) return;
   double gap = style < 3 ? sign * size : style < 3.5 ? 0 : style < 4 ? draw(-1e-6, 1e-6) : style < 5 ? sign * draw(0, 0.003) : -draw(0.003, 0.03);
-  gv_pair_cache cold = {{0, 0, 0}, 0, 0};
+  gv_pair_cache cold = {.corners = 0};
   gv_distance d;
   gv_distance_pair(a, A, b, B, 1, &cold, &d);
   A->p = gv_mad(A->p, gap - d.distance - a->radius - b->radius, d.normal_world);
@@ -180,6 +180,12 @@ static void show_pose(const query *q) {
     printf("  %c: q %a %a %a %a, p %a %a %a\n", "AB"[k], T[k]->q.w, T[k]->q.x, T[k]->q.y, T[k]->q.z, T[k]->p.x, T[k]->p.y, T[k]->p.z);
 }
 
+static gv_pair_cache draw_cache(void) {
+  gv_pair_cache c = {.normal_world = draw_unit(), .vertex_a = (uint16_t)draw(0, 60000), .vertex_b = (uint16_t)draw(0, 60000), .corners = (uint16_t)draw(0, 5)};
+  for (int k = 0; k < 3; k++) c.corner_a[k] = (uint16_t)draw(0, 9), c.corner_b[k] = (uint16_t)draw(0, 9);
+  return c;
+}
+
 // Pose number i of a type is the same whatever was run before.
 static void run_pose(int type, int i, bool show, found *w) {
   static body a, b;
@@ -192,7 +198,7 @@ static void run_pose(int type, int i, bool show, found *w) {
   draw_gap(&q.a, &q.A, &q.b, &q.B);
   body_place(&a, gv_pose_mul(gv_pose_inv(q.B), q.A));
   if (show) show_pose(&q);
-  gv_pair_cache cache = {{0, 0, 0}, 0, 0}, wrong = {draw_unit(), (uint16_t)draw(0, 70000), (uint16_t)draw(0, 70000)};
+  gv_pair_cache cache = {.corners = 0}, wrong = draw_cache();
   gv_distance d;
   gv_distance_pair(&q.a, &q.A, &q.b, &q.B, 1, &cache, &d);
   oracle o = ask_oracle(&q, &d);
@@ -242,7 +248,7 @@ static void test_oracle_against_brute_force(void) {
     A = gv_pose_mul(gv_pose_inv(B), A);
     body_place(&a, A);
     oracle exact = oracle_distance(&sa, &A, &sb, &here);
-    gv_pair_cache cold = {{0, 0, 0}, 0, 0};
+    gv_pair_cache cold = {.corners = 0};
     gv_distance d;
     gv_distance_pair(&sa, &A, &sb, &here, 1, &cold, &d);
     gv_vec3 n = i % 2 ? draw_unit() : d.normal_world;

@@ -165,7 +165,7 @@ static void test_ball_distances(void) {
     gv_vec3 q = gv_v3(fabs(p.x) - 1, fabs(p.y) - 1, fabs(p.z) - 1);
     gv_vec3 out = gv_v3(fmax(0, q.x), fmax(0, q.y), fmax(0, q.z));
     double inside = fmin(0, fmax(q.x, fmax(q.y, q.z))), exact = of_box ? gv_norm(out) + inside - 0.1 : gv_norm(p) - 0.4;
-    gv_pair_cache cache = {{0, 0, 0}, 0, 0};
+    gv_pair_cache cache = {.corners = 0};
     gv_contact_point k[GV_MAX_PAIR_CONTACTS];
     gv_distance d;
     int count = gv_manifold_pair(&a, &A, &b, &B, 10, &cache, k, &d);
@@ -174,7 +174,7 @@ static void test_ball_distances(void) {
     CHECK_NEAR(k[0].depth, -exact, 1e-9);
   }
   gv_pose same = gv_pose_identity();
-  gv_pair_cache cache = {{0, 0, 0}, 0, 0};
+  gv_pair_cache cache = {.corners = 0};
   gv_shape a = gv_shape_hull(&small);
   gv_distance d;
   gv_distance_pair(&a, &same, &a, &same, 0.1, &cache, &d);

@@ -28,7 +28,7 @@ typedef struct contacts { gv_contact_point p[GV_MAX_PAIR_CONTACTS]; int count; g
 
 static contacts touch(gv_shape a, gv_pose A, gv_shape b, gv_pose B, gv_pair_cache *cache) {
   contacts c;
-  gv_pair_cache cold = {{0, 0, 0}, 0, 0};
+  gv_pair_cache cold = {.corners = 0};
   c.count = gv_manifold_pair(&a, &A, &b, &B, margin, cache ? cache : &cold, c.p, &c.d);
   return c;
 }
@@ -151,7 +151,7 @@ static void test_single_points(void) {
   gv_pose corner = {gv_quat_mul(turn(1, 0, 0, 0.6), turn(0, 1, 0, 0.7)), {0, 0, 1}};
   gv_distance d;
   gv_shape a = gv_shape_hull(&box), b = gv_shape_hull(&table);
-  gv_pair_cache cache = {{0, 0, 0}, 0, 0};
+  gv_pair_cache cache = {.corners = 0};
   gv_pose B = gv_pose_identity();
   gv_distance_pair(&a, &corner, &b, &B, 2, &cache, &d);
   corner.p.z -= d.distance + 1e-4;
@@ -186,7 +186,7 @@ static void test_reduction(void) {
 static double core_distance(const gv_shape *s, const gv_pose *T, gv_vec3 p) {
   gv_shape point = gv_shape_capsule(0, 0);
   gv_pose P = {{1, 0, 0, 0}, p};
-  gv_pair_cache cache = {{0, 0, 0}, 0, 0};
+  gv_pair_cache cache = {.corners = 0};
   gv_distance d;
   gv_distance_pair(&point, &P, s, T, 10, &cache, &d);
   return d.distance;
@@ -218,7 +218,7 @@ static void test_random_poses(void) {
   for (int i = 0; i < 12000; i++) {
     gv_shape a = shape[i % 6], b = shape[i / 6 % 6];
     gv_pose B = {i % 3 ? draw_rotation() : gv_quat_identity(), {0.1, 0.2, 0.3}}, A = {i % 4 ? draw_rotation() : B.q, gv_mad(B.p, 0.1, draw_unit())};
-    gv_pair_cache cache = {{0, 0, 0}, 0, 0};
+    gv_pair_cache cache = {.corners = 0};
     gv_distance d;
     gv_distance_pair(&a, &A, &b, &B, 1, &cache, &d);
     double gap = i % 5 == 0 ? draw(-0.01, 0) : draw(-1, 1.2) * pow(10, draw(-9, -3));
@@ -235,7 +235,7 @@ static void test_random_poses(void) {
 // Sliding smoothly, a contact that carries (depth above zero) never appears or vanishes but at depth zero or
 // by sharing its place: each has one near it a step later.
 static void test_contacts_do_not_jump(void) {
-  gv_pair_cache cache = {{0, 0, 0}, 0, 0};
+  gv_pair_cache cache = {.corners = 0};
   contacts last = {.count = 0};
   for (int i = 0; i < 6000; i++) {  // a box pushed over the rim, turning
     gv_pose T = {turn(0, 0, 1, 1e-4 * i), {0.45 + 1e-5 * i, 0.1, 0.09 - 1e-5}};

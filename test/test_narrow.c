@@ -60,7 +60,7 @@ static void test_depth_against_a_sweep_of_directions(void) {
   for (int i = 0; i < 240; i++) {
     gv_shape a = i % 3 == 0 ? limb() : i % 3 == 1 ? palm() : piece(round[i % 7 % 4]), b = piece(round[i % 4]);
     gv_pose B = {draw_rotation(), {0.1, 0.2, 0.3}}, A = {draw_rotation(), gv_mad(B.p, draw(0, 0.02), draw_unit())};
-    gv_pair_cache cache = {{0, 0, 0}, 0, 0};
+    gv_pair_cache cache = {.corners = 0};
     gv_distance d;
     gv_distance_pair(&a, &A, &b, &B, 1, &cache, &d);
     double swept = sweep_depth(&a, &A, &b, &B);
@@ -80,7 +80,7 @@ static void test_large_hulls_certified(void) {
   for (int i = 0; i < 4000; i++) {
     gv_shape a = i % 2 ? limb() : piece(ROUND1000), b = piece(i % 3 ? ROUND1000 : ROUND127);
     gv_pose B = {draw_rotation(), {0.1, 0.2, 0.3}}, A = {draw_rotation(), gv_mad(B.p, draw(0.05, 0.15), draw_unit())};
-    gv_pair_cache cache = {{0, 0, 0}, 0, 0};
+    gv_pair_cache cache = {.corners = 0};
     gv_distance d;
     gv_distance_pair(&a, &A, &b, &B, 1, &cache, &d);
     if (d.distance < 0) continue;
@@ -112,7 +112,7 @@ static void test_grid_aligned_boxes(void) {
     for (int kind = 0; kind < 4; kind++) {
       gv_shape a = kind & 1 ? box_a : gv_shape_hull(&hull_a), b = kind & 2 ? box_b : gv_shape_hull(&hull_b);
       gv_pose B = gv_pose_identity(), A = {{1, 0, 0, 0}, offset};
-      gv_pair_cache cache = {{0, 0, 0}, 0, 0};
+      gv_pair_cache cache = {.corners = 0};
       gv_distance d;
       gv_distance_pair(&a, &A, &b, &B, 1, &cache, &d);
       CHECK_NEAR(d.distance, exact, 1e-14);
@@ -129,7 +129,7 @@ static void test_two_cubes_at_1_9(void) {
   build_box_hull(gv_v3(1, 1, 1), memory, sizeof memory, &cube);
   gv_shape s = gv_shape_hull(&cube);
   gv_pose B = gv_pose_identity(), A = {{1, 0, 0, 0}, {0, 0, 1.9}};
-  gv_pair_cache cache = {{0, 0, 0}, 0, 0};
+  gv_pair_cache cache = {.corners = 0};
   gv_distance d;
   gv_distance_pair(&s, &A, &s, &B, 1, &cache, &d);
   CHECK_NEAR(d.distance, -0.1, 1e-14);
@@ -147,7 +147,7 @@ static void test_segment_nearly_parallel_to_a_face(void) {
     double tilt = i % 5 ? pow(10, draw(-16, -1)) : 0, gap = i % 3 ? pow(10, draw(-14, -2.3)) * (i % 2 ? 1 : -1) : 0;
     gv_pose B = {i % 4 ? gv_quat_identity() : draw_rotation(), {0, 0, 0}};
     gv_pose A = gv_pose_mul(B, (gv_pose){gv_quat_axis_angle(gv_v3(0, 1, 0), tilt), {draw(-0.012, 0.012), draw(-0.01, 0.01), 0.04 + gap}});
-    gv_pair_cache cache = {{0, 0, 0}, 0, 0};
+    gv_pair_cache cache = {.corners = 0};
     gv_distance d;
     gv_distance_pair(&a, &A, &b, &B, 1, &cache, &d);
     double s, c;
@@ -167,7 +167,7 @@ static void test_limb_along_the_edge_of_a_plate(void) {
     gv_quat tilt = gv_quat_exp(gv_scale(draw_unit(), pow(10, draw(-7, -5))));
     gv_pose A = gv_pose_mul(B, (gv_pose){tilt, gv_sub(end, gv_rotate(tilt, gv_v3(-0.015, 0, 0)))});
     oracle o = oracle_distance(&a, &A, &b, &B);
-    gv_pair_cache cache = {draw_unit(), 0, 0};
+    gv_pair_cache cache = {.normal_world = draw_unit()};
     gv_distance d;
     gv_distance_pair(&a, &A, &b, &B, 1, &cache, &d);
     CHECK_NEAR(d.distance + a.radius, o.distance, 1e-10);
@@ -186,7 +186,7 @@ static void test_degenerate_shapes(void) {
     if (i % 7) B.q = draw_rotation();
     if (i % 4 == 1) A.p = gv_mad(A.p, 0.03, draw_unit());
     if (i % 4 == 2) A.p = gv_mad(A.p, pow(10, draw(-17, -3)), draw_unit());
-    gv_pair_cache cache = {{0, 0, 0}, 0, 0};
+    gv_pair_cache cache = {.corners = 0};
     gv_distance d;
     gv_distance_pair(&a, &A, &b, &B, 1, &cache, &d);
     CHECK(isfinite(d.distance) && gv_v3_finite(d.on_a) && gv_v3_finite(d.on_b), "finite");
@@ -201,7 +201,7 @@ static void test_nonsense_ends(void) {
   for (int i = 0; i < 4000; i++) {
     gv_shape a = i % 3 ? limb() : piece(ROUND60), b = piece(i % 2 ? BOX : ROUND127);
     gv_pose A = {{draw(-1, 1), value[i % 8], draw(-1, 1), 1}, {value[i / 8 % 8], value[i / 64 % 8], 0}}, B = gv_pose_identity();
-    gv_pair_cache cache = {{value[i % 5], value[i % 7], 1}, 65535, 40000};
+    gv_pair_cache cache = {.normal_world = {value[i % 5], value[i % 7], 1}, .vertex_a = 65535, .vertex_b = 40000, .corners = 65535};
     gv_contact_point out[GV_MAX_PAIR_CONTACTS];
     gv_distance d;
     int count = gv_manifold_pair(&a, &A, &b, &B, 1, &cache, out, &d);
@@ -214,7 +214,7 @@ static void test_far_is_a_bound(void) {
     gv_shape a = i % 2 ? limb() : piece(ROUND21), b = piece(i % 3 ? BOX : ROUND60);
     gv_pose B = {draw_rotation(), {0, 0, 0}}, A = {draw_rotation(), gv_scale(draw_unit(), draw(0, 0.2))};
     double limit = draw(0, 0.1);
-    gv_pair_cache cold = {{0, 0, 0}, 0, 0}, warm = {draw_unit(), 3, 4};
+    gv_pair_cache cold = {.corners = 0}, warm = {.normal_world = draw_unit(), .vertex_a = 3, .vertex_b = 4};
     gv_distance exact, d;
     gv_distance_pair(&a, &A, &b, &B, 1, &cold, &exact);
     gv_distance_pair(&a, &A, &b, &B, limit, &warm, &d);
@@ -229,7 +229,7 @@ static void test_far_is_a_bound(void) {
 static void test_sliding_over_a_face_and_an_edge(void) {
   gv_shape a = limb(), b = piece(BOX);
   gv_pose B = {draw_rotation(), {0.3, 0.2, 0.1}};
-  gv_pair_cache cache = {{0, 0, 0}, 0, 0};
+  gv_pair_cache cache = {.corners = 0};
   double half = sqrt(0.5);
   for (int i = 0; i < 20000; i++) {
     double x = -0.02 + 3e-6 * i, z = 0.047 - 2e-7 * i, ex = fmax(0, x - 0.03), ez = fmax(0, z - 0.04), gap = sqrt(ex * ex + ez * ez);
@@ -246,7 +246,7 @@ static void test_sliding_around_a_hull(void) {
   for (int h = ROUND21; h < HULLS; h++) {
     gv_shape a = limb(), b = piece(h);
     gv_pose B = {draw_rotation(), {0.3, 0.2, 0.1}}, A = {draw_rotation(), {0, 0, 0}};
-    gv_pair_cache cache = {{0, 0, 0}, 0, 0};
+    gv_pair_cache cache = {.corners = 0};
     gv_vec3 u = draw_unit(), v = gv_any_perpendicular(u), last_p = u, last_between = u;
     for (int i = 0; i < 4000; i++) {
       double s, c;
@@ -269,7 +269,7 @@ static void test_sliding_in_overlap(void) {
   for (int k = 0; k < 32; k++) {
     gv_shape a = k % 2 ? limb() : piece(kinds[k % 3]), b = piece(kinds[k / 4 % 4]);
     gv_pose B = {draw_rotation(), {0.1, 0.2, 0.3}}, A = {k % 5 ? draw_rotation() : B.q, gv_mad(B.p, 0.2, draw_unit())};
-    gv_pair_cache cache = {{0, 0, 0}, 0, 0};
+    gv_pair_cache cache = {.corners = 0};
     gv_distance d, last;
     gv_distance_pair(&a, &A, &b, &B, 1, &cache, &d);
     A.p = gv_mad(A.p, -1e-4 - a.radius - d.distance, d.normal_world);  // the cores 0.1 mm deep
@@ -288,7 +288,7 @@ static void test_sliding_in_overlap(void) {
 // A box at rest on a table, shaken by nanometres and nanoradians through contact, touching and gap.
 static void test_resting_box_does_not_chatter(void) {
   gv_shape a = piece(BOX), b = piece(TABLE);
-  gv_pair_cache cache = {{0, 0, 0}, 0, 0};
+  gv_pair_cache cache = {.corners = 0};
   for (int i = 0; i < 5000; i++) {
     gv_vec3 tilt = gv_scale(gv_v3(draw(-1, 1), draw(-1, 1), 0), 1e-8);
     gv_pose B = gv_pose_identity(), A = {gv_quat_exp(tilt), {0.1, 0.2, 0.09 + draw(-3, 3) * 1e-9}};
@@ -306,7 +306,7 @@ static void test_no_step_at_touching(void) {
   for (int k = 0; k < 60; k++) {
     gv_shape a = piece(kinds[k % 3]), b = piece(kinds[k / 3 % 3]);
     gv_pose B = {draw_rotation(), {0.1, 0.2, 0.3}}, A = {draw_rotation(), gv_mad(B.p, 0.2, draw_unit())};
-    gv_pair_cache cache = {{0, 0, 0}, 0, 0};
+    gv_pair_cache cache = {.corners = 0};
     gv_distance d, last;
     gv_distance_pair(&a, &A, &b, &B, 1, &cache, &d);
     gv_vec3 n = d.normal_world;
@@ -340,7 +340,7 @@ static void bench_pair(const char *name, gv_shape a, gv_shape b, double gap, boo
   static double ns[POSES];
   gv_pose A = gv_pose_identity(), B = {draw_rotation(), {0.1, 0.2, 0.3}};
   gv_vec3 axis = draw_unit(), step = axis;
-  gv_pair_cache cache = {{0, 0, 0}, 0, 0};
+  gv_pair_cache cache = {.corners = 0};
   double iterations = 0, contacts = 0;
   for (int i = 0; i < POSES; i++) {
     gv_distance d;
@@ -348,7 +348,7 @@ static void bench_pair(const char *name, gv_shape a, gv_shape b, double gap, boo
     if (i % DRIFT == 0) A = (gv_pose){draw_rotation(), gv_mad(B.p, 0.05, draw_unit())}, axis = draw_unit(), step = gv_scale(draw_unit(), 1e-4);
     A = (gv_pose){gv_quat_normalize(gv_quat_mul(gv_quat_axis_angle(axis, 0.002), A.q)), gv_add(A.p, step)};
     for (int k = 0; k < 3; k++) {
-      gv_pair_cache cold = {{0, 0, 0}, 0, 0};
+      gv_pair_cache cold = {.corners = 0};
       gv_distance_pair(&a, &A, &b, &B, 10, &cold, &d);
       A.p = gv_mad(A.p, gap - d.distance, d.normal_world);
     }

@@ -12,7 +12,7 @@
 #include "gloved/scene.h"
 
 typedef enum gv_rotation_law { GV_ROTATION_LOG, GV_ROTATION_PAPER } gv_rotation_law;
-typedef enum gv_solver { GV_SOLVER_AUTO, GV_SOLVER_DANTZIG, GV_SOLVER_QUICK } gv_solver;
+typedef enum gv_solver { GV_SOLVER_AUTO, GV_SOLVER_DANTZIG, GV_SOLVER_QUICK, GV_SOLVER_DIRECT } gv_solver;
 
 // Spring-damper of one limb (Eqn 1, 2), integrated by backward Euler.
 typedef struct gv_coupling {
@@ -43,7 +43,9 @@ typedef struct gv_config {
   double world_cfm;            // never 0
   double contact_margin_m;     // gaps below this get a row that lets them close, but not overshoot
   // dynamics
-  gv_solver solver;            // auto: Dantzig up to `dantzig_contacts`, QuickStep above
+  // auto: a direct solve of the guess who holds and who slides; where that does not settle, ODE's Dantzig up to
+  // `dantzig_contacts` that touch each other, and QuickStep above or where Dantzig would not fit into the period
+  gv_solver solver;
   int dantzig_contacts, quick_iterations;
   double rest_s;               // an object that lies still for so long and touches no limb is not simulated, and has
                                // no contacts, until something that moves comes near; 0: off
@@ -99,7 +101,7 @@ typedef struct gv_counters {
   uint64_t steps, samples,
     samples_refused,           // joints and poses held back or refused: jumps, not finite
     angles_limited,            // joint readings beyond the anatomy by more than 0.05 rad, held at its limit
-    contacts_dropped, pairs_dropped, body_resets, overlaps, quicksteps,
+    contacts_dropped, pairs_dropped, body_resets, overlaps, quicksteps, direct_steps,
     solver_errors;             // complaints of the LCP solver
   uint32_t contacts_max, pairs_max;
   double depth_max_m;          // largest penetration of any step

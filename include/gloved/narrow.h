@@ -21,7 +21,8 @@ enum { GV_GJK_MAX_ITERATIONS = 64, GV_EPA_MAX_ITERATIONS = 128, GV_EPA_MAX_DESCE
 // Kept by the caller from step to step for one pair: a warm start. All zero is a valid cold start.
 typedef struct gv_pair_cache {
   gv_vec3 normal_world;   // last normal, or zero
-  uint16_t vertex_a, vertex_b; // last support vertices (hill climbing)
+  uint16_t vertex_a, vertex_b; // last support vertices (hill climbing); of a segment or box its signs, bit by bit
+  uint16_t corner_a[3], corner_b[3], corners; // vertices whose differences carried the nearest point; 0: none
 } gv_pair_cache;
 
 typedef enum gv_narrow_method { GV_NARROW_GJK, GV_NARROW_EPA, GV_NARROW_FACES, GV_NARROW_FAR } gv_narrow_method;
