@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // The four messages on classic CAN (fcu.h, data/gloved.dbc): an FD frame cut into frames of at most 8 bytes
 // and joined again. Where each field goes stands in tables, in half-bytes, least significant first. Pure; any
-// thread; about 0.3 us a message.
+// thread.
 #include <string.h>
 
 #include "gloved/fcu.h"

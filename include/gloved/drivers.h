@@ -34,7 +34,7 @@ int gv_udp_open(const char *url, gv_driver *out, char *err, size_t err_size);
 // never wait. `lost` counts frames that the full socket buffer dropped (SO_RXQ_OVFL; the kernel tells with the
 // next frame). A queue that is full (ENOBUFS) drops what was to be sent, as `tx_failed`: the next period's command
 // is worth more. Stamps as for UDP. On error negative, with one line (what, what to do) in err.
-// Cost: a poll with four frames 2.5 us, an empty one 0.6 us, a send 2 us a frame.
+// Cost: one system call a poll while nothing or less than 32 frames wait, one for each frame that is sent.
 int gv_can_open(const char *url, gv_driver *out, char *err, size_t err_size);
 
 // ---- candump -L text ------------------------------------------------------------------------------
