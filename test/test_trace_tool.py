@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """gloved-trace as a user runs it: import (read back through the frame database, not our codec), info,
 record from a socket, and what it says to bad input."""
+import json
 import math
 import os
 import random
@@ -239,6 +240,40 @@ def test_record_without_a_device():
     assert "no frame came" in done.stderr and done.stderr.count("\n") == 1, done.stderr
 
 
+def bus_log(lines):
+    """What candump would have written beside that run: stamps of its own, and some frames of the next step already
+    on the bus before the command of this one."""
+    frames = [line.split()[2] for line in lines]
+    for i in range(1, len(frames) - 1):
+        if frames[i].startswith("090") and not frames[i + 1].startswith("090") and random.random() < 0.5:
+            frames[i], frames[i + 1] = frames[i + 1], frames[i]
+    clock, text = 1e9, []
+    for frame in frames:
+        clock += random.uniform(0, 8e-4)
+        text.append(f"({clock:.6f}) vcan0 {frame}\n")
+    return text
+
+
+def test_align_puts_a_bus_log_into_step():
+    gloved = os.path.join(os.environ["B"], "gloved")
+    def state(fcu, *more):
+        subprocess.run([gloved, "--fcu", fcu, "--lcm", "none", "--summary", path("s.json"), *more], capture_output=True)
+        with open(path("s.json"), encoding="utf-8") as file:
+            return json.load(file)["state_hash"]
+    live = state("sim:data/scripts/pinch_box.user?speed=0", "--duration", "4", "--record", path("own.log"))
+    with open(path("own.log"), encoding="utf-8") as file:
+        own = file.readlines()
+    bus = bus_log(own)
+    path("bus.log", "".join(bus))
+    run("align", path("bus.log"), "-o", path("aligned.log"), "--rate", "1000")
+    assert state("trace:" + path("bus.log") + "?speed=0") != live and state("trace:" + path("aligned.log") + "?speed=0") == live
+    path("cut.log", "".join(bus[200:]))
+    assert "begin before the engine" in run("align", path("cut.log"), "-o", path("x.log"), "--rate", "1000", code=2).stderr
+    device = next(i for i, line in enumerate(bus) if i > 500 and " 110#" in line)
+    path("lost.log", "".join(bus[:device] + bus[device + 1:]))
+    assert "do not fit" in run("align", path("lost.log"), "-o", path("x.log"), "--rate", "1000", code=2).stderr
+
+
 def test_bad_input_gets_one_line_and_exit_2():
     good = path("good.csv", "t_s,index_mpj\n0,0\n1,1\n")
     bad_tables = {"": "empty", "a,b\n1,2\n": ":1: no column t_s", "t_s\n0\n": ":1: no column of a sensor", "t_s,index_mpj\n": "no row", "t_s,index_mpj\n0\n": ":2: fewer cells",
@@ -253,7 +288,7 @@ def test_bad_input_gets_one_line_and_exit_2():
     cases += [(words.split(), needle, None, None) for words, needle in (
         ("", "no job"), ("play x", "no such job"), ("info", "give one FILE"), ("info /nowhere/x", "check the path"), ("info test/test_trace_tool.py", "test_trace_tool.py:2:"),
         ("import", "give one CSV"), (f"import {good}", "give one CSV"), (f"import {good} -o /nowhere/x", "cannot be written"), (f"import {good} -o x --rate 0", "no rate"), (f"import {good} -o x --rate 1e3x", "no rate"),
-        (f"import {good} -o x --bogus", "no option"), ("import /nowhere/x.csv -o x", "check the path"), (f"import {good} -o x --wrist /nowhere/x", "check the path"), ("record", "give --udp"),
+        (f"import {good} -o x --bogus", "no option"), ("import /nowhere/x.csv -o x", "check the path"), (f"import {good} -o x --wrist /nowhere/x", "check the path"), ("record", "give --udp"), ("align x", "give FILE"), ("align x -o y --rate 5", "--rate"), ("align /nowhere/x -o y --rate 1000", "check the path"),
         ("record --udp udp://127.0.0.1 -o x", "udp://HOST:PORT"), ("record --udp udp://127.0.0.1:9?listen=9999999 -o x", "65535"), ("record --udp udp://127.0.0.1:9?listen=9 --duration -1 -o x", "seconds"))]
     for words, needle, text, file in cases:
         if text is not None:
