@@ -137,7 +137,7 @@ static void place_hand(gv_engine *e) {
 static void move_driver(gv_engine *e) {
   gv_pose T[GV_LIMBS];
   gv_condition_output(&e->condition, &e->cfg, e->angle, &e->wrist);
-  gv_hand_frames(&e->cfg.hand, &e->wrist, e->angle, T);
+  gv_hand_pose(&e->cfg.hand, &e->wrist, e->angle, T, e->joint);
   double rate = 1.0 / e->cfg.step_s;
   for (int i = 0; i < GV_LIMBS; i++) {
     gv_limb_state *d = &e->driver[i];
@@ -213,9 +213,7 @@ static void feel_coupling(gv_engine *e, double out_tension_n[GV_FINGERS]) {
     t[i] = gv_neg(e->felt_t[i]);
     T[i] = e->driver[i].T;
   }
-  gv_joint_axis joint[GV_SENSORS];
-  gv_hand_joints(&e->cfg.hand, &e->wrist, e->angle, joint);
-  gv_tendon_map(joint, T, f, t, out_tension_n);
+  gv_tendon_map(e->joint, T, f, t, out_tension_n);
 }
 
 void gv_engine_step(gv_engine *e, const gv_sample *sample, gv_step_result *out) {

@@ -25,6 +25,7 @@ struct gv_engine {
   double angle[GV_SENSORS];            // of the skeleton in this step, rad
   gv_pose wrist;                       // T_world_wrist of this step
   gv_limb_state driver[GV_LIMBS];
+  gv_joint_axis joint[GV_SENSORS];     // of the driver
   gv_vec3 felt_f[GV_LIMBS], felt_t[GV_LIMBS]; // coupling on the limb at the end of the last step
   bool placed;
   // collision: bounds of this step, caches from step to step

@@ -166,29 +166,16 @@ static gv_vec3 mirror_point(gv_vec3 p) { return gv_v3(p.x, -p.y, p.z); }
 static gv_quat mirror_turn(gv_quat q) { return (gv_quat){q.w, -q.x, q.y, -q.z}; }
 static gv_vec3 mirror_axis(gv_vec3 a) { return gv_v3(-a.x, a.y, -a.z); }
 
-void gv_hand_frames(const gv_hand_model *model, const gv_pose *T_world_wrist, const double angle_rad[GV_SENSORS],
-                    gv_pose out_T_world_limb[GV_LIMBS]) {
-  bool left = model->side == GV_LEFT;
-  chain c = {out_T_world_limb, NULL};
-  thumb_chain(model, angle_rad, &c);
-  finger_chains(model, angle_rad, &c);
-  out_T_world_limb[GV_LIMB_PALM] = (gv_pose){gv_quat_identity(), model->palm_center_m};
-  gv_pose T = hand_frame(T_world_wrist, angle_rad, left);
+static void place_limbs(const gv_hand_model *model, gv_pose T, bool left, gv_pose limb[GV_LIMBS]) {
+  limb[GV_LIMB_PALM] = (gv_pose){gv_quat_identity(), model->palm_center_m};
   for (int i = 0; i < GV_LIMBS; i++) {
-    gv_pose *limb = &out_T_world_limb[i];
-    if (left) *limb = (gv_pose){mirror_turn(limb->q), mirror_point(limb->p)};
-    *limb = gv_pose_mul(T, *limb);
-    limb->q = gv_quat_normalize(limb->q);
+    if (left) limb[i] = (gv_pose){mirror_turn(limb[i].q), mirror_point(limb[i].p)};
+    limb[i] = gv_pose_mul(T, limb[i]);
+    limb[i].q = gv_quat_normalize(limb[i].q);
   }
 }
 
-void gv_hand_joints(const gv_hand_model *model, const gv_pose *T_world_wrist, const double angle_rad[GV_SENSORS],
-                    gv_joint_axis out_joint[GV_SENSORS]) {
-  bool left = model->side == GV_LEFT;
-  chain c = {NULL, out_joint};
-  thumb_chain(model, angle_rad, &c);
-  finger_chains(model, angle_rad, &c);
-  gv_pose T = hand_frame(T_world_wrist, angle_rad, left);
+static void place_joints(const gv_pose *T_world_wrist, gv_pose T, bool left, gv_joint_axis out_joint[GV_SENSORS]) {
   gv_quat unturn = gv_quat_conj(gv_quat_mul(gv_quat_conj(T_world_wrist->q), T.q));
   out_joint[GV_WRIST_PITCH] = (gv_joint_axis){{0, 0, 0}, gv_rotate(unturn, gv_v3(0, 1, 0)), 0xffffu};
   out_joint[GV_WRIST_YAW] = (gv_joint_axis){{0, 0, 0}, gv_v3(0, 0, 1), 0xffffu};
@@ -199,4 +186,25 @@ void gv_hand_joints(const gv_hand_model *model, const gv_pose *T_world_wrist, co
     j->p_world = gv_transform(T, j->p_world);
     j->axis_world = gv_rotate(T.q, j->axis_world);
   }
+}
+
+void gv_hand_pose(const gv_hand_model *model, const gv_pose *T_world_wrist, const double angle_rad[GV_SENSORS],
+                  gv_pose out_T_world_limb[GV_LIMBS], gv_joint_axis out_joint[GV_SENSORS]) {
+  bool left = model->side == GV_LEFT;
+  chain c = {out_T_world_limb, out_joint};
+  gv_pose T = hand_frame(T_world_wrist, angle_rad, left);
+  thumb_chain(model, angle_rad, &c);
+  finger_chains(model, angle_rad, &c);
+  if (out_T_world_limb) place_limbs(model, T, left, out_T_world_limb);
+  if (out_joint) place_joints(T_world_wrist, T, left, out_joint);
+}
+
+void gv_hand_frames(const gv_hand_model *model, const gv_pose *T_world_wrist, const double angle_rad[GV_SENSORS],
+                    gv_pose out_T_world_limb[GV_LIMBS]) {
+  gv_hand_pose(model, T_world_wrist, angle_rad, out_T_world_limb, NULL);
+}
+
+void gv_hand_joints(const gv_hand_model *model, const gv_pose *T_world_wrist, const double angle_rad[GV_SENSORS],
+                    gv_joint_axis out_joint[GV_SENSORS]) {
+  gv_hand_pose(model, T_world_wrist, angle_rad, NULL, out_joint);
 }

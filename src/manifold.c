@@ -180,15 +180,14 @@ static int face_across(const gv_hull *hull, int face, int k) {
 
 typedef struct limb_end { double at, gap; uint16_t face; } limb_end;
 
-// From `face`, where the segment reaches `end`, on over the neighbouring faces towards its end (0 or 1),
+// From `face`, over which `part` of the segment lies, on over the neighbouring faces towards its end (0 or 1),
 // while they are neither steep nor out of reach. A limb along an edge lies half over one face and half over the other.
-static limb_end walk_limb(const gv_core *core, const polygon *face, gv_vec3 up, double limit, const polygon *segment, bool to_end) {
+static limb_end walk_limb(const gv_core *core, const polygon *face, span part, gv_vec3 up, double limit, const polygon *segment, bool to_end) {
   polygon side;
-  span part;
   limb_end end = {0, HUGE_VAL, face->face};
   gv_vec3 along = gv_sub(segment->p[1], segment->p[0]);
   for (int steps = 0; steps < WALK; steps++) {
-    if (!clip_segment(face, up, segment, &part)) break;
+    if (steps > 0 && !clip_segment(face, up, segment, &part)) break;
     double at = to_end ? part.to : part.from, gap = gap_over(face, up, gv_mad(segment->p[0], at, along));
     if (steps > 0 && (gap > limit || (to_end ? at <= end.at : at >= end.at))) break;
     end = (limb_end){at, gap, face->face};
@@ -203,15 +202,14 @@ static limb_end walk_limb(const gv_core *core, const polygon *face, gv_vec3 up, 
 }
 
 // The nearest face to the reference that the limb lies over at all: the reference, or one around the vertex.
-static bool find_under_limb(const gv_core *core, int vertex, gv_vec3 up, const polygon *segment, polygon *io_face) {
-  span part;
-  if (clip_segment(io_face, up, segment, &part)) return true;
+static bool find_under_limb(const gv_core *core, int vertex, gv_vec3 up, const polygon *segment, polygon *io_face, span *out_part) {
+  if (clip_segment(io_face, up, segment, out_part)) return true;
   if (core->kind != GV_CORE_HULL) return false;
   for (int k = core->hull->neighbor_start[vertex]; k < core->hull->neighbor_start[vertex + 1]; k++) {
     int f = core->hull->neighbor_face[k];
     if (gv_dot(hull_turn(core, core->hull->face_normal[f]), up) < steep) continue;
     take_hull_face(core, f, io_face);
-    if (clip_segment(io_face, up, segment, &part)) return true;
+    if (clip_segment(io_face, up, segment, out_part)) return true;
   }
   return false;
 }
@@ -219,9 +217,10 @@ static bool find_under_limb(const gv_core *core, int vertex, gv_vec3 up, const p
 // A limb along the sides of a core: the two ends of what lies over it are contacts.
 static void clip_limb(manifold *m, const gv_core *core, int vertex, polygon *reference, const polygon *segment, bool of_b) {
   gv_vec3 up = of_b ? m->n : gv_neg(m->n), along = gv_sub(segment->p[1], segment->p[0]);
-  if (!find_under_limb(core, vertex, up, segment, reference)) return;
+  span part;
+  if (!find_under_limb(core, vertex, up, segment, reference, &part)) return;
   for (int k = 0; k < 2; k++) {
-    limb_end end = walk_limb(core, reference, up, m->limit, segment, k == 1);
+    limb_end end = walk_limb(core, reference, part, up, m->limit, segment, k == 1);
     gv_vec3 p = gv_mad(segment->p[0], end.at, along), foot = gv_mad(p, -end.gap, up);
     if (of_b) add_corner(m, p, foot, end.gap, end.face);
     else add_corner(m, foot, p, end.gap, NO_FACE);

@@ -82,5 +82,8 @@ double gv_hand_half_length(const gv_hand_model *model, int limb);
 typedef struct gv_joint_axis { gv_vec3 p_world, axis_world; uint32_t limbs; } gv_joint_axis;
 void gv_hand_joints(const gv_hand_model *model, const gv_pose *T_world_wrist, const double angle_rad[GV_SENSORS],
                     gv_joint_axis out_joint[GV_SENSORS]);
+// Both at the cost of one; either may be null.
+void gv_hand_pose(const gv_hand_model *model, const gv_pose *T_world_wrist, const double angle_rad[GV_SENSORS],
+                  gv_pose out_T_world_limb[GV_LIMBS], gv_joint_axis out_joint[GV_SENSORS]);
 
 #endif
