@@ -235,6 +235,78 @@ static void test_accuracy_of_pairs(void) {
   for (int type = 0; type < PAIRS; type++) run_type(type);
 }
 
+// ---- sliding ----
+
+// A goes around B, turning, its cores between `low` and `high` apart (metres; negative: overlapping): pose at frame i.
+static gv_pose slide_pose(const gv_shape *a, const gv_shape *b, const gv_pose *B, int i, double low, double high) {
+  double t = i * GV_PI / 1800, s, c, s2, c2, s3, c3;
+  gv_sincos(t, &s, &c), gv_sincos(0.37 * t, &s2, &c2), gv_sincos(0.23 * t, &s3, &c3);
+  gv_vec3 d = gv_normalize_or(gv_v3(c, s, 0.8 * s2), gv_v3(1, 0, 0));
+  gv_pose T = gv_pose_mul(*B, (gv_pose){gv_quat_exp(gv_v3(s2, c3, 0.5 * c2)), gv_scale(d, 0.1)});
+  gv_pair_cache cold = {.corners = 0};
+  gv_distance now;
+  for (int k = 0; k < 3; k++) {
+    gv_distance_pair(a, &T, b, B, 1, &cold, &now);
+    T.p = gv_mad(T.p, 0.5 * (low + high) - 0.5 * (high - low) * c3 - now.distance - a->radius - b->radius, now.normal_world);
+  }
+  return T;
+}
+
+typedef struct motion { gv_vec3 normal; double depth; } motion;
+
+// Depth and normal as the engine has them: of the deepest contact.
+static motion contact_motion(const gv_shape *a, const gv_pose *A, const gv_shape *b, const gv_pose *B, gv_pair_cache *cache, gv_distance *out) {
+  gv_contact_point p[GV_MAX_PAIR_CONTACTS];
+  int count = gv_manifold_pair(a, A, b, B, 1, cache, p, out), deepest = 0;
+  CHECK(count > 0, "a contact at %g m", out->distance);
+  for (int k = 1; k < count; k++)
+    if (p[k].depth > p[deepest].depth) deepest = k;
+  return count ? (motion){p[deepest].normal_world, p[deepest].depth} : (motion){{0, 0, 0}, 0};
+}
+
+// From frame to frame, how much the contact moves otherwise than the true one: root mean squares.
+static void run_slide(int kind_a, int kind_b, double low, double high, double *io_worst_normal, double *io_worst_depth) {
+  enum { FRAMES = 3000 };
+  static body body_a, body_b;
+  query q = {.a = shape_of(kind_a), .b = shape_of(kind_b), .B = {draw_rotation(), {0.3, 0.2, 0.1}}, .body_a = &body_a, .body_b = &body_b};
+  gv_pair_cache cache = {.corners = 0};
+  motion last_off = {{0, 0, 0}, 0};
+  double normal2 = 0, depth2 = 0;
+  bool follows = false;
+  body_init(&body_a, &q.a), body_init(&body_b, &q.b);
+  for (int i = 0; i < FRAMES; i++) {
+    gv_distance d;
+    q.A = slide_pose(&q.a, &q.b, &q.B, i, low, high);
+    body_place(&body_a, gv_pose_mul(gv_pose_inv(q.B), q.A));
+    motion seen = contact_motion(&q.a, &q.A, &q.b, &q.B, &cache, &d);
+    oracle o = ask_oracle(&q, &d);
+    motion off = {gv_sub(seen.normal, gv_rotate(q.B.q, o.normal)), seen.depth + o.distance - q.a.radius - q.b.radius};
+    if (follows && is_unique(&o)) normal2 += gv_norm2(gv_sub(off.normal, last_off.normal));
+    if (i > 0) depth2 += (off.depth - last_off.depth) * (off.depth - last_off.depth);
+    follows = is_unique(&o);
+    last_off = off;
+  }
+  raise(io_worst_normal, sqrt(normal2 / FRAMES));
+  raise(io_worst_depth, sqrt(depth2 / FRAMES));
+  CHECK(sqrt(normal2 / FRAMES) < 0.01 * GV_PI / 180, "%s on %s: %g rad rms", shape_name[kind_a], shape_name[kind_b], sqrt(normal2 / FRAMES));
+  CHECK(sqrt(depth2 / FRAMES) < 1e-6, "%s on %s: %g m rms", shape_name[kind_a], shape_name[kind_b], sqrt(depth2 / FRAMES));
+}
+
+static void test_sliding_moves_as_the_true_contact(void) {
+  const int on[] = {BOX, PLATE, ROD, HULL21, HULL127, HULL1000};
+  double normal = 0, depth = 0;
+  for (unsigned k = 0; k < sizeof on / sizeof on[0]; k++) {
+    for (int palm = 0; palm < 2; palm++) {
+      int kind = palm ? PALM : LIMB;
+      double radius = shape_of(kind).radius;
+      run_slide(kind, on[k], 0.5 * radius, radius, &normal, &depth);  // up to half of the radius deep
+      run_slide(kind, on[k], -1e-4, 1e-4, &normal, &depth);           // cores touching and letting go
+      run_slide(kind, on[k], -2e-3, -1e-4, &normal, &depth);          // cores overlapping
+    }
+  }
+  printf("  frame to frame, root mean squares at worst: normal %.1e degrees, depth %.1e m off the true change\n", normal * 180 / GV_PI, depth);
+}
+
 // The oracle with hints, good and useless ones, against brute force over every feature and direction.
 static void test_oracle_against_brute_force(void) {
   static body a, b;
@@ -281,5 +353,6 @@ int main(int argc, char **argv) {
   }
   RUN(test_oracle_against_brute_force);
   RUN(test_accuracy_of_pairs);
+  RUN(test_sliding_moves_as_the_true_contact);
   return check_done();
 }
