@@ -9,12 +9,14 @@ unset MAKEFLAGS MAKELEVEL
 say() { if [ "$1" = 0 ]; then echo "ok $2"; else echo "FAIL $2"; fails=1; fi; }
 
 for build in gcc-O0 clang-O2 clang-O0; do
+  # Without optimization a trace takes 3 s: two of them, a box and a compound.
+  case $build in *-O0) names="power_box bar_frame" ;; *) names= ;; esac
   log=$B/test/log/build-$build
   make -j"$(nproc)" CI=1 CC="${build%-*}" OPT="-${build#*-}" B="build/$build" "build/$build/gloved" "build/$build/test/test_replay" >"$log" 2>&1
   code=$?; [ $code = 0 ] || tail -n 5 "$log"
   say $code "builds_without_warnings_$build"
   [ $code = 0 ] || continue
-  "build/$build/test/test_replay" --hashes >"$log.run" 2>&1
+  "build/$build/test/test_replay" --hashes $names >"$log.run" 2>&1
   code=$?; [ $code = 0 ] || cat "$log.run"
   say $code "same_bits_$build"
 done

@@ -161,6 +161,19 @@ static int replay(const expectation *x, bool paper, bool every_step, measures *m
   return 0;
 }
 
+// A compiled scene (make scenes) is no part of the repository, and its pieces may differ in the last bits from one
+// processor to another: no golden hashes, but two replays must agree.
+static bool is_compiled(const expectation *x) { return !strncmp(x->scene, "build/", 6); }
+static bool is_missing(const expectation *x) {
+  FILE *f = fopen(x->scene, "r");
+  if (f) fclose(f);
+  return !f;
+}
+static void check_twice(const expectation *x, bool paper, const measures *m) {
+  static measures again;
+  CHECK(replay(x, paper, false, &again) == 0 && again.hash == m->hash, "%s: two replays differ", x->name);
+}
+
 static void check_hashes(const expectation *x, const measures *m) {
   CHECK(m->steps == x->steps, "%s: %d steps, expected %d", x->name, m->steps, x->steps);
   int first = 0;
@@ -185,8 +198,10 @@ static void check_hold(const expectation *x, const measures *m) {
 }
 
 static void test_trace_default(void) {
+  if (is_compiled(&expected) && is_missing(&expected)) { SKIP("its scene is not compiled here; make scenes"); return; }
   if (replay(&expected, false, true, &measured)) { CHECK(0, "%s did not run", expected.name); return; }
-  check_hashes(&expected, &measured);
+  if (is_compiled(&expected)) check_twice(&expected, false, &measured);
+  else check_hashes(&expected, &measured);
   check_hold(&expected, &measured);
 }
 static void test_trace_hashes(void) {
@@ -195,9 +210,11 @@ static void test_trace_hashes(void) {
 }
 // The paper's own parameters: softer, so the limits are wider, but the object stays in the hand.
 static void test_trace_paper(void) {
+  if (is_compiled(&expected) && is_missing(&expected)) { SKIP("its scene is not compiled here; make scenes"); return; }
   if (replay(&expected, true, false, &measured)) { CHECK(0, "%s did not run", expected.name); return; }
   printf("figure %-16s slip %.3f mm, lifted %.0f mm (preset paper)\n", expected.name, measured.slip_m * 1e3, measured.lift_m * 1e3);
-  CHECK(measured.hash == expected.hash_paper, "%s: state %016" PRIx64 ", expected %016" PRIx64, expected.name, measured.hash, expected.hash_paper);
+  if (is_compiled(&expected)) check_twice(&expected, true, &measured);
+  else CHECK(measured.hash == expected.hash_paper, "%s: state %016" PRIx64 ", expected %016" PRIx64, expected.name, measured.hash, expected.hash_paper);
   CHECK(measured.lift_m > 0.05, "%s: lifted by %g m", expected.name, measured.lift_m);
   CHECK(measured.slip_m < 0.005, "%s: slips %g m", expected.name, measured.slip_m);
 }
@@ -224,6 +241,7 @@ int main(int argc, char **argv) {
     if (!wanted) continue;
     ran++;
     if (read_expected(entry[i]->d_name, &expected)) { printf("FAIL %s: no sound file 'expected'\n", entry[i]->d_name); check_failures++; continue; }
+    if ((updating || hashes) && is_compiled(&expected)) continue;
     if (updating) { update(); continue; }
     if (hashes) { RUN(test_trace_hashes); continue; }
     RUN(test_trace_default);
