@@ -292,25 +292,42 @@ def published(data, channel):
     return out
 
 
-def check_blocked(types, folder):
-    server = StuckServer(10)
+def run_blocked(server, folder, *options):
     server.start()
-    subprocess.run([GLOVED, "--fcu", "sim:press.user", "--scene", os.path.abspath("data/scenes/box.scene"), "--lcm", server.url, "--no-rt",
-                    "--duration", "13", "--summary", "blocked.json"], cwd=folder, stdout=subprocess.DEVNULL)
+    return subprocess.Popen([GLOVED, "--fcu", "sim:press.user", "--scene", os.path.abspath("data/scenes/box.scene"), "--lcm", server.url, "--no-rt",
+                             "--summary", "blocked.json", *options], cwd=folder, stdout=subprocess.DEVNULL)
+
+
+def check_end_of_blocked(folder):
+    """A network that stays blocked does not keep the daemon from ending."""
+    run = run_blocked(StuckServer(100), folder, "--duration", "8", "--log", "blocked2.lcm")
+    try:
+        code = run.wait(16)
+    except subprocess.TimeoutExpired:
+        run.kill()
+        code = "none after 16 s"
+    verdict("it_ends_with_the_network_blocked", "" if code == 0 else f"exit code {code}")
+
+
+def check_blocked(types, folder):
+    check_end_of_blocked(folder)
+    # The sender's kernel buffers 2 MB and more, some 4 s with the trace: the log asks for it.
+    server = StuckServer(14.5)
+    run_blocked(server, folder, "--duration", "17", "--log", "blocked.lcm").wait()
     server.join(5)
     with open(folder + "/blocked.json") as file:
         summary = json.load(file)
     states = [types.state_t.decode(m) for m in published(server.received, b"GLOVED_STATE")]
     stats = [types.stats_t.decode(m) for m in published(server.received, b"GLOVED_STATS")]
     gap = max(b.step - a.step for a, b in zip(states, states[1:])) if len(states) > 1 else 0
-    verdict("the_network_was_blocked", "" if gap > 8000 else f"longest gap {gap} steps of {len(states)} messages, {len(server.received)} bytes")
+    verdict("the_network_was_blocked", "" if gap > 6000 else f"longest gap {gap} steps of {len(states)} messages, {len(server.received)} bytes")
     # A loop that waited for the network would have stood still for ten seconds.
     longest = summary["step_us"]["max"]
-    verdict("the_loop_does_not_wait_for_the_network", "" if summary["steps"] >= 12900 and longest < 1e6 and summary["state"] != "fault"
+    verdict("the_loop_does_not_wait_for_the_network", "" if summary["steps"] >= 16900 and longest < 1e6 and summary["state"] != "fault"
             else f"{summary['steps']} steps, longest {longest} us, {summary['state']}")
     lost = summary["snapshots_dropped"]
-    verdict("lost_snapshots_are_counted", "" if lost > 300 and states[-1].snapshots_dropped > 300 and stats[-1].snapshots_dropped > 300
-            and abs(lost + len(states) - 651) < 40 else f"{lost} lost, {len(states)} came, published {states[-1].snapshots_dropped}")
+    verdict("lost_snapshots_are_counted", "" if lost > 250 and states[-1].snapshots_dropped > 250 and stats[-1].snapshots_dropped > 250
+            and abs(lost + len(states) - 851) < 40 else f"{lost} lost, {len(states)} came, published {states[-1].snapshots_dropped}")
 
 
 def check_replay(folder):
@@ -356,7 +373,7 @@ def main():
         with open(folder + "/press.user", "w") as file:
             file.write(USER)
         blocked = threading.Thread(target=check_blocked, args=(types, folder))
-        blocked.start()  # 13 s of mostly waiting, beside the others
+        blocked.start()  # half a minute of mostly waiting, beside the others
         check_replay(folder)
         if multicast_works(lcm):
             check_commands(lcm, types, folder)

@@ -7,6 +7,7 @@
 #include <errno.h>
 #include <string.h>
 #include <time.h>
+#include <unistd.h>
 
 #include "heap.h"
 
@@ -251,6 +252,7 @@ static void *loop_thread(void *argument) {
   if (loop->cfg.pace == GV_PACE_FREE) wait_for_space(loop);
   tell(loop, 0);
   atomic_store(&loop->exit, (int)reason);
+  if (loop->cfg.alarm_s) alarm(loop->cfg.alarm_s);
   return NULL;
 }
 

@@ -34,6 +34,7 @@ typedef struct gv_loop_config {
   gv_pace pace;
   bool record;               // every frame goes into the ring `frames`
   gv_realtime_config realtime;
+  unsigned alarm_s;          // SIGALRM so many seconds after the end, for a slow thread that hangs; 0: none
 } gv_loop_config;
 
 typedef enum gv_exit { GV_EXIT_RUNNING, GV_EXIT_END, GV_EXIT_DURATION, GV_EXIT_SIGNAL, GV_EXIT_FAULT } gv_exit;

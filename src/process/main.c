@@ -6,6 +6,7 @@
 #include <signal.h>
 #include <stdio.h>
 #include <string.h>
+#include <unistd.h>
 
 #include "devices.h"
 #include "options.h"
@@ -15,7 +16,7 @@
 
 #define GV_VERSION "0.1.0"
 
-enum { OK = 0, FAULT = 1, BAD_INPUT = 2, ERROR_TEXT = 512 };
+enum { OK = 0, FAULT = 1, BAD_INPUT = 2, ERROR_TEXT = 512, GIVE_UP_S = 2 };
 
 // Address space for scene and engine: the largest scene allowed takes 32 MB, its engine less than that
 // again. What the scene at hand does not need is given back.
@@ -39,11 +40,20 @@ typedef struct program {
   char err[ERROR_TEXT];
 } program;
 
-static atomic_bool stop_requested;
+static atomic_bool stop_requested, give_up;
 
 static void on_signal(int number) {
   (void)number;
   atomic_store(&stop_requested, true);
+  alarm(GIVE_UP_S);
+}
+
+// The loop has ended or is about to, and the slow thread may hang in a send that nobody takes: two seconds later
+// the signal itself breaks that off, and nothing more is sent.
+static void on_alarm(int number) {
+  (void)number;
+  atomic_store(&give_up, true);
+  alarm(1);
 }
 
 static void catch_signals(void) {
@@ -53,6 +63,8 @@ static void catch_signals(void) {
   sigaction(SIGINT, &action, NULL);
   sigaction(SIGTERM, &action, NULL);
   sigaction(SIGHUP, &action, NULL);
+  action.sa_handler = on_alarm;
+  sigaction(SIGALRM, &action, NULL);
   signal(SIGPIPE, SIG_IGN);  // a reader of our output that goes away must not end a running force loop
 }
 
@@ -84,7 +96,7 @@ static int open_telemetry(program *p) {
   gv_settings_default(&defaults);
   const bool required = p->options.lcm || strcmp(p->settings.lcm, defaults.lcm) != 0;
   const gv_telemetry_config telemetry = {.lcm_url = p->settings.lcm, .lcm_required = required, .log_path = p->options.log,
-                                         .scene = &p->scene, .hand = &p->settings.engine.hand, .arena = &p->arena};
+                                         .scene = &p->scene, .hand = &p->settings.engine.hand, .arena = &p->arena, .give_up = &give_up};
   p->telemetry = gv_telemetry_open(&telemetry, p->err, sizeof p->err);
   if (p->telemetry && p->err[0]) fprintf(stderr, "gloved: going on without LCM: %s\n", p->err);
   return p->telemetry ? 0 : -1;
@@ -133,6 +145,7 @@ static void start_loop(program *p) {
     .period_ns = (int64_t)(1e9 / settings->rate_hz + 0.5),
     .periods_max = (int64_t)(p->options.duration_s * settings->rate_hz + 0.5),
     .pace = p->pace,
+    .alarm_s = GIVE_UP_S,
     .record = p->recorder.file != NULL,
     .realtime = p->pace == GV_PACE_FREE ? none : realtime,
   };
@@ -152,6 +165,7 @@ static int run(program *p) {
   }
   gv_slow_run(&p->loop, p->telemetry, &p->recorder, &p->view);
   gv_loop_join(&p->loop);
+  alarm(0);
   gv_view_close(&p->view);
   return OK;
 }

@@ -69,8 +69,10 @@ struct gv_telemetry {
   lcm_eventlog_t *log;       // null: not logged
   const gv_scene *scene;
   const gv_arena *arena;
+  const atomic_bool *give_up;
   gv_loop *loop;             // null: not attached yet
   bool trace_asked;          // by command
+  bool listens;              // to commands
   gv_request_rate rate;
   int64_t listened_ns, next_stats_us;
   uint64_t failed, commands_refused;
@@ -102,7 +104,7 @@ static void send_message(gv_telemetry *telemetry, const char *channel, int64_t u
     telemetry->failed++;
     return;
   }
-  if (telemetry->lcm && lcm_publish(telemetry->lcm, channel, telemetry->message, (unsigned)size) != 0)
+  if (telemetry->lcm && !atomic_load(telemetry->give_up) && lcm_publish(telemetry->lcm, channel, telemetry->message, (unsigned)size) != 0)
     telemetry->failed++;
   if (telemetry->log) write_log(telemetry, channel, utime, size);
 }
@@ -465,7 +467,7 @@ static void on_command(const lcm_recv_buf_t *buffer, const char *channel, void *
 
 void gv_telemetry_listen(gv_telemetry *telemetry, int64_t now_ns) {
   telemetry->listened_ns = now_ns;
-  if (!telemetry->lcm) return;
+  if (!telemetry->listens) return;
   for (int i = 0; i < COMMANDS_A_PASS && lcm_handle_timeout(telemetry->lcm, 0) > 0; i++) {}
 }
 
@@ -518,7 +520,15 @@ static lcm_t *create_quietly(const char *url, gv_telemetry *telemetry) {
   const int kept = dup(STDERR_FILENO), nowhere = open("/dev/null", O_WRONLY | O_CLOEXEC);
   if (kept >= 0 && nowhere >= 0) dup2(nowhere, STDERR_FILENO);
   lcm_t *lcm = lcm_create(url);
-  if (lcm) lcm_subscribe(lcm, "GLOVED_COMMAND", on_command, telemetry);
+  // Over udpm: alone: LCM's tcpq: connects anew whenever it is asked for messages, blocks for as long as the server
+  // pleases, and ends the process where that failed. Null: LCM sent itself a message and did not get it back
+  // (after up to ten seconds).
+  telemetry->listens = lcm && strncmp(url, "udpm:", 5) == 0;
+  if (telemetry->listens && !lcm_subscribe(lcm, "GLOVED_COMMAND", on_command, telemetry)) {
+    telemetry->listens = false;
+    lcm_destroy(lcm);
+    lcm = NULL;
+  }
   fflush(stderr);
   if (kept >= 0) dup2(kept, STDERR_FILENO);
   if (kept >= 0) close(kept);
@@ -531,6 +541,7 @@ gv_telemetry *gv_telemetry_open(const gv_telemetry_config *cfg, char *err, size_
   memset(&telemetry, 0, sizeof telemetry);
   telemetry.scene = cfg->scene;
   telemetry.arena = cfg->arena;
+  telemetry.give_up = cfg->give_up;
   point_into(&telemetry);
   gv_drake_init(&telemetry.viewer.drake, cfg->hand, cfg->scene);
   point_viewer(&telemetry.viewer);

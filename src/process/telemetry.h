@@ -18,6 +18,7 @@ typedef struct gv_telemetry_config {
   const gv_scene *scene;       // must outlive the telemetry
   const gv_hand_model *hand;   // drawn
   const gv_arena *arena;       // its figures are published; must outlive the telemetry
+  const atomic_bool *give_up;  // from when on nothing is sent any more (the log goes on)
 } gv_telemetry_config;
 
 // One at a time per process. Null with one line (what, what to do) in err where the log cannot be written, or LCM
