@@ -148,7 +148,7 @@ def judge(name, run, engine_s=None, limit=""):
     assert r["slew_max_n_per_s"] <= SLEW_N_PER_S + 1.5 * COUNT_N * 1000, r["slew_max_n_per_s"]
     assert r["zero_after_s"] <= WATCHDOG_S, r["zero_after_s"]
     assert run.largest_after_n() <= MAX_N
-    TABLE.append(f"  {name:<27} {run.before_n():5.2f} N   {'goes on' if zero_s is None else f'{1e3 * zero_s:4.0f} ms'}  "
+    TABLE.append(f"figure {name:<27} {run.before_n():5.2f} N   {'goes on' if zero_s is None else f'{1e3 * zero_s:4.0f} ms'}  "
                  f"{'      ' if engine_s is None else f'{1e3 * engine_s:3.0f} ms'}   {run.largest_after_n():5.2f} N   "
                  f"{r['slew_max_n_per_s']:4.0f} N/s   {limit}")
 
@@ -249,7 +249,7 @@ def main():
         except Exception as error:  # a test that cannot run has failed as well
             failed = True
             print(f"  {type(error).__name__}: {str(error)[:1500]}\nFAIL {name}", flush=True)
-    print("  fault                      force before  zero at the device; engine, after its limit; largest force after; fastest rise")
+    print("figure fault, force before, zero at the device and the engine's after its limit, largest force after, fastest rise, limit")
     print("\n".join(TABLE))
     return 1 if failed else 0
 

@@ -34,6 +34,7 @@ until_ready_again() {
   await 'wait -> ready' 0.3 $((times + 1)); stop
 }
 make_vcan0() { ip link add dev vcan0 type vcan && ip link set vcan0 mtu 72 up; }
+make_classic() { ip link set vcan0 mtu 16 up; }
 replay() { "$B/gloved" --config test/can/slow.conf --fcu "trace:$log/$1?speed=0" --summary $log/$2.json >$log/$2.gloved 2>&1; echo $? >$log/$2.code; }
 
 # A whole grasp, kept by candump and by gloved itself; then the recordings, as fast as possible and over the bus.
@@ -67,6 +68,11 @@ until_ready_again ip link set vcan0 up
 begin removed vcan0 press 20
 await 'armed -> active' 0.3; ip link del vcan0
 until_ready_again make_vcan0
+device_options='--device wire_count_n=0.012'
+begin changed vcan0 press 20
+await 'armed -> active' 0.3; ip link set vcan0 down
+until_ready_again make_classic
+ip link set vcan0 down; ip link set vcan0 mtu 72 up
 
 # The guest's time of day jumps while a force flows.
 device_options='--duration 3'
@@ -82,8 +88,8 @@ finish
 tc qdisc del dev vcan0 root
 device_options=
 begin flood vcan0 press 20
-await 'armed -> active' 0.1; for _ in 1 2 3; do cansend vcan0 20000004#0000000000000000; done
-kill -STOP $engine; cangen vcan0 -I 110 -L 48 -f -g 0 -n 3000; sleep 0.7; kill -CONT $engine; await 'too old\|overran' 0.2
+await 'wait -> ready' 0.5; for _ in 1 2 3; do cansend vcan0 20000004#0000000000000000; done
+kill -STOP $engine; cangen vcan0 -I 110 -L 48 -f -g 0 -n 3000; sleep 1.2; kill -CONT $engine; await 'too old\|overran' 0.2
 stop
 
 # Through a real cannelloni, where there is one: fcusim on the bus, gloved behind UDP.
@@ -104,4 +110,5 @@ begin classic vcan1 press 20 --record $log/classic_record.log
 finish
 kill $dump
 replay classic_record.log classic_replay
+replay classic.log classic_bus
 mkdir -p "$out" && cp $log/* "$out/"

@@ -114,6 +114,10 @@ def test_interface_removed_and_made_again():
     return came_back("removed")
 
 
+def test_can_fd_comes_back_as_classic_can():
+    return came_back("changed")
+
+
 def test_time_of_day_jumps():
     run = summary("clock")
     kept_limits("clock")
@@ -145,6 +149,8 @@ def test_classic_can():
     reached("classic", "armed -> active")
     assert max(run["force_max_n"]) > 0.1 and run["frames"]["bad"] == 0, run
     assert run["state_hash"] == again["state_hash"], (run["state_hash"], again["state_hash"])
+    bus = summary("classic_bus")["frames"]
+    assert bus["rx"] >= run["frames"]["rx"] and bus["bad"] == bus["foreign"] == 0, bus
     return f"largest force {max(run['force_max_n']):.2f} N, frames of 8 bytes alone; its record replays to {again['state_hash']}"
 
 
