@@ -37,12 +37,15 @@ CAN_PACKAGES  := can-utils user-mode-linux kmod iproute2
 run: $(B)/gloved $(B)/fcusim
 	$(Q)B=$(B) tools/demo
 
-## view: the demo in a browser, in 3D (420 MB at first use: Drake's viewer)
-view: build/venv-view/.done $(B)/gloved
+# What the viewers show: the Stanford bunny, or SCRIPT=... SCENE=...
+SCRIPT := data/scripts/power_box.user
+SCENE  := build/scenes/bunny.scene
+## view: a hand grasps the bunny, in 3D in a browser (420 MB at first use: Drake's viewer)
+view: build/venv-view/.done $(B)/gloved $(SCENE)
 	$(Q)B=$(B) tools/view $(SCRIPT) $(SCENE)
 
 ## look: the same with a viewer of our own: 15 MB instead of 420, no Drake
-look: build/venv-look/.done $(B)/gloved
+look: build/venv-look/.done $(B)/gloved $(SCENE)
 	$(Q)B=$(B) VIEWER="build/venv-look/bin/python tools/look.py" tools/view $(SCRIPT) $(SCENE)
 
 ## top: a running gloved on this terminal
@@ -50,8 +53,8 @@ top: $(B)/gloved-top
 	$(Q)$(B)/gloved-top
 
 ## test-view: the 3D view in a real browser (Chromium, without a display), pictures checked
-test-view: build/.browser-packages build/venv-view/.done $(B)/gloved
-	$(Q)PYTHON=build/venv-view/bin/python B=$(B) test/run browser
+test-view: build/.browser-packages build/venv-view/.done $(B)/gloved $(SCENE)
+	$(Q)SCENE=$(SCENE) PYTHON=build/venv-view/bin/python B=$(B) test/run browser
 
 ## plot: pictures and tables of a run: make plot LOG=FILE (written by gloved --log), or COMPARE="FILE FILE"
 plot: build/venv-plot/.done
@@ -96,9 +99,9 @@ build/venv-view/.done: build/.run-packages
 	$(Q)build/venv-view/bin/pip install -q --disable-pip-version-check drake==1.51.1 lcm websocket-client pillow
 	@touch $@
 ## pictures: those of the documentation, made anew (data/pictures)
-pictures: build/.browser-packages build/venv-view/.done build/venv-plot/.done $(B)/gloved
+pictures: build/.browser-packages build/venv-view/.done build/venv-plot/.done $(B)/gloved $(SCENE)
 	$(Q)mkdir -p data/pictures
-	$(Q)B=$(B) build/venv-view/bin/python tools/pictures.py data/scripts/power_box.user data/scenes/box.scene 6 data/pictures/grasp.png
+	$(Q)B=$(B) build/venv-view/bin/python tools/pictures.py $(SCRIPT) $(SCENE) 6 data/pictures/grasp.png
 	$(Q)$(B)/gloved --fcu 'sim:data/scripts/power_box.user?speed=0' --lcm none --log build/power_box.lcm >/dev/null
 	$(Q)build/venv-plot/bin/python tools/gloved-plot build/power_box.lcm --out build/power_box-plots >/dev/null
 	$(Q)cp build/power_box-plots/force.png data/pictures/force.png
