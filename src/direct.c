@@ -44,20 +44,52 @@ static void add_block(gv_direct *s, int i, int k, double sign, double inv_mass, 
       s->A[r][c] += sign * (inv_mass * gv_dot(s->d[r], s->d[c]) + gv_dot(ang[r], turn[c]));
 }
 
+// The moving body that most contacts share: what the hand holds.
+static int find_shared(const gv_direct_body body[], const gv_dynamics_contact *contact, int count) {
+  int of_body[GV_BODIES] = {0}, most = contact[0].body_a;
+  for (int i = 0; i < 2 * count; i++) {
+    int b = i % 2 ? contact[i / 2].body_b : contact[i / 2].body_a;
+    if (body[b].inv_mass > 0.0 && ++of_body[b] > of_body[most]) most = b;
+  }
+  return most;
+}
+
+// The shared body's part of the whole matrix, four columns at a time (and a few to the left of the diagonal's block,
+// which the mirror image overwrites).
+static void add_shared(gv_direct *s, const gv_direct_body *shared, int shared_body, const gv_dynamics_contact *contact) {
+  int rows = 3 * s->count;
+  for (int r = 0; r < rows; r++) {
+    const gv_dynamics_contact *c = &contact[r / 3];
+    bool is_a = c->body_a == shared_body;
+    double sign = is_a ? 1.0 : c->body_b == shared_body ? -1.0 : 0.0;
+    gv_vec3 d = s->d[r], ang = is_a ? s->ang_a[r] : s->ang_b[r], turn = is_a ? s->turn_a[r] : s->turn_b[r];
+    const double own[6] = {d.x, d.y, d.z, ang.x, ang.y, ang.z};
+    const double moved[6] = {shared->inv_mass * d.x, shared->inv_mass * d.y, shared->inv_mass * d.z, turn.x, turn.y, turn.z};
+    for (int k = 0; k < 6; k++) s->own[k][r] = sign * own[k], s->moved[k][r] = sign * moved[k];
+  }
+  for (int r = 0; r < rows; r++) {
+    const double j0 = s->own[0][r], j1 = s->own[1][r], j2 = s->own[2][r], j3 = s->own[3][r], j4 = s->own[4][r], j5 = s->own[5][r];
+    for (int first = (r - r % 3) & ~3; first < rows; first += 4)
+      for (int c = first; c < first + 4; c++)
+        s->A[r][c] = j0 * s->moved[0][c] + j1 * s->moved[1][c] + j2 * s->moved[2][c] + j3 * s->moved[3][c] + j4 * s->moved[4][c] + j5 * s->moved[5][c];
+  }
+}
+
 static void make_matrix(gv_direct *s, const gv_config *cfg, const gv_direct_body body[], const gv_dynamics_contact *contact) {
+  int shared = find_shared(body, contact, s->count), rows = 3 * s->count;
+  add_shared(s, &body[shared], shared, contact);
   for (int i = 0; i < s->count; i++) {
     const gv_dynamics_contact *p = &contact[i];
+    bool a = p->body_a != shared, b = p->body_b != shared && body[p->body_b].inv_mass > 0.0;
     for (int k = i; k < s->count; k++) {
       const gv_dynamics_contact *q = &contact[k];
-      for (int r = 3 * i; r < 3 * i + 3; r++) s->A[r][3 * k] = s->A[r][3 * k + 1] = s->A[r][3 * k + 2] = 0.0;
-      if (p->body_a == q->body_a) add_block(s, i, k, 1.0, body[p->body_a].inv_mass, s->ang_a, s->turn_a);
-      if (p->body_b == q->body_b && body[p->body_b].inv_mass > 0.0) add_block(s, i, k, 1.0, body[p->body_b].inv_mass, s->ang_b, s->turn_b);
-      if (p->body_a == q->body_b) add_block(s, i, k, -1.0, body[p->body_a].inv_mass, s->ang_a, s->turn_b);
-      if (p->body_b == q->body_a) add_block(s, i, k, -1.0, body[p->body_b].inv_mass, s->ang_b, s->turn_a);
+      if (a && p->body_a == q->body_a) add_block(s, i, k, 1.0, body[p->body_a].inv_mass, s->ang_a, s->turn_a);
+      if (b && p->body_b == q->body_b) add_block(s, i, k, 1.0, body[p->body_b].inv_mass, s->ang_b, s->turn_b);
+      if (a && p->body_a == q->body_b) add_block(s, i, k, -1.0, body[p->body_a].inv_mass, s->ang_a, s->turn_b);
+      if (b && p->body_b == q->body_a) add_block(s, i, k, -1.0, body[p->body_b].inv_mass, s->ang_b, s->turn_a);
     }
     for (int r = 3 * i; r < 3 * i + 3; r++) s->A[r][r] += (r == 3 * i ? cfg->contact_cfm : cfg->world_cfm) / cfg->step_s;
   }
-  int rows = 3 * s->count;
   for (int r = 0; r < rows; r++)
     for (int c = 0; c < r; c++) s->A[r][c] = s->A[c][r];
 }

@@ -27,6 +27,7 @@ typedef struct gv_direct {
   uint8_t row[GV_DIRECT_ROWS];
   double A[GV_DIRECT_ROWS][GV_DIRECT_ROWS], b[GV_DIRECT_ROWS], x[GV_DIRECT_ROWS], mu[GV_DIRECT_ROWS];
   double M[GV_DIRECT_ROWS][GV_DIRECT_ROWS], y[GV_DIRECT_ROWS];
+  double own[6][GV_DIRECT_ROWS], moved[6][GV_DIRECT_ROWS]; // of the body that most contacts share: J and M^-1 J
   gv_vec3 d[GV_DIRECT_ROWS], ang_a[GV_DIRECT_ROWS], ang_b[GV_DIRECT_ROWS], turn_a[GV_DIRECT_ROWS], turn_b[GV_DIRECT_ROWS];
 } gv_direct;
 
