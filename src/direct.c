@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // The contact problem (Eqn 11 to 18) as ODE states it, solved by block pivoting (Judice and Pires 1994): guess which
 // contacts are open, hold or slide, solve the linear system that remains, and let every row that contradicts its
-// guess change sides. While a hand holds an object the last step's guess is right at once: one factorization in
+// guess change sides, after a few rounds one contact at a time. While a hand holds an object the last step's guess is right at once: one factorization in
 // place of Dantzig's row by row. A friction row that slides is at its limit, mu times the normal impulse of its own
 // contact (the friction pyramid alone). Where the guesses do not settle the caller asks ODE. Real-time thread.
 //
@@ -10,7 +10,7 @@
 
 #include <string.h>
 
-enum { GUESSES = 8 };
+enum { BLOCK_GUESSES = 3, GUESSES = 10 };
 static const double rounding = 1e-10;       // of an impulse, N s, or a velocity, m/s: such contradictions are none
 static const double most_out_m_s = 0.25;    // a deep limb is let out gently, not shot
 
@@ -192,22 +192,29 @@ static uint8_t judge_friction(const gv_direct *s, int r) {
   return slide_sign(s->row[r]) * excess(s, r) > rounding ? GV_DIRECT_HOLDS : s->row[r];
 }
 
-// Rows that contradict the guess change sides. Returns their number.
-static int judge(gv_direct *s) {
-  int changes = 0;
-  uint8_t next[GV_DIRECT_ROWS];
-  memcpy(next, s->row, sizeof next);
-  for (int i = 0; i < s->count; i++) {
-    int n = 3 * i;
-    if (s->row[n] == GV_DIRECT_OPEN) {
-      if (excess(s, n) < -rounding) memset(&next[n], GV_DIRECT_HOLDS, 3), changes++;
-    } else if (s->x[n] < -rounding) {
-      memset(&next[n], GV_DIRECT_OPEN, 3), changes++;
-    } else {
-      for (int r = n + 1; r < n + 3; r++) changes += (next[r] = judge_friction(s, r)) != s->row[r];
-    }
+// What the rows of the contact whose normal is row n should be, as far as this solution tells.
+static void judge_contact(const gv_direct *s, int n, uint8_t out[3]) {
+  memcpy(out, &s->row[n], 3);
+  if (s->row[n] == GV_DIRECT_OPEN) {
+    if (excess(s, n) < -rounding) memset(out, GV_DIRECT_HOLDS, 3);
+  } else if (s->x[n] < -rounding) {
+    memset(out, GV_DIRECT_OPEN, 3);
+  } else {
+    for (int k = 1; k < 3; k++) out[k] = judge_friction(s, n + k);
   }
-  memcpy(s->row, next, sizeof next);
+}
+
+// Rows that contradict the guess change sides: those of all contacts, or, where that went in circles, of the last
+// such contact alone. Returns the number of contacts that contradicted.
+static int judge(gv_direct *s, bool all) {
+  int changes = 0;
+  for (int i = s->count - 1; i >= 0; i--) {
+    uint8_t *row = &s->row[3 * i], next[3];
+    judge_contact(s, 3 * i, next);
+    if (memcmp(row, next, 3) == 0) continue;
+    if (all || changes == 0) memcpy(row, next, 3);
+    changes++;
+  }
   return changes;
 }
 
@@ -220,7 +227,7 @@ bool gv_direct_solve(gv_direct *s, const gv_config *cfg, const gv_direct_body bo
   int left = -1;
   for (int guess = 0; guess < GUESSES && left != 0; guess++) {
     if (!solve_guess(s)) return false;
-    left = judge(s);
+    left = judge(s, guess < BLOCK_GUESSES);
   }
   if (left != 0) return false;
   keep_guess(s, contact);
