@@ -195,7 +195,7 @@ fuzz: $(patsubst test/%.c,build/fuzz/%,$(wildcard test/fuzz_*.c))
 	$(Q)for f in $^; do mkdir -p $$f.corpus; \
 	  $$f -max_total_time=20 -max_len=1600 -print_final_stats=1 -artifact_prefix=$$f. $$f.corpus >$$f.log 2>&1 || { tail -n 40 $$f.log; exit 1; }; \
 	  echo "$$f: $$(sed -n 's/.*executed_units: *//p' $$f.log) inputs, no fault"; done
-build/fuzz/%: test/%.c $(addprefix drivers/,fcu.c frame.c cannelloni.c candump.c framer.c fastrak.c cyberglove.c lucidglove.c) src/hand.c src/math.c | build/.fuzz-packages
+build/fuzz/%: test/%.c $(addprefix drivers/,fcu.c classic.c frame.c cannelloni.c candump.c framer.c fastrak.c cyberglove.c lucidglove.c) src/hand.c src/math.c | build/.fuzz-packages
 	@mkdir -p $(@D)
 	$(Q)clang $(WARN) -O1 -g -fsanitize=fuzzer,address,undefined -fno-sanitize-recover=all -D_GNU_SOURCE -Iinclude $^ -lm -o $@
 
