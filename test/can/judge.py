@@ -41,7 +41,9 @@ def reached(name, *words):
 
 
 def kept_limits(name):
-    judge = device(name)
+    """The device saw no command beyond its limits; the real-time thread neither allocated nor met a missing page."""
+    judge, run = device(name), summary(name)
+    assert run["rt_heap_calls"] == 0 and run["rt_page_faults"] == {"major": 0, "minor": 0}, run["rt_page_faults"]
     assert judge["over_max"] == 0 and judge["over_slew"] == 0, judge
     assert judge["zero_after_s"] <= 0.005, judge
     return judge
