@@ -129,6 +129,27 @@ static void test_rounded_coordinates(void) {
   }
 }
 
+// A box as a file with six digits has it, turned, with points on its sides: six sides of four corners all the same,
+// and no corner more than the rounding away from where it was.
+static void test_flat_sides_of_rounded_files(void) {
+  for (int round = 0; round < 500; round++) {
+    gv_vec3 half = gv_v3(draw(0.03, 0.1), draw(0.03, 0.1), round % 5 ? draw(0.03, 0.1) : 0.002);
+    gv_pose T = {draw_rotation(), draw_vector(0.05)};
+    gv_hull h;
+    int count = put_box(half, T), error;
+    for (int k = 0; k < round % 20; k++, count++)
+      points[count] = gv_transform(T, gv_v3(half.x * draw(-1, 1), half.y * draw(-1, 1), k % 2 ? half.z : -half.z));
+    for (int i = 0; i < count; i++) points[i] = gv_v3(floor(points[i].x * 1e6 + 0.5) * 1e-6, floor(points[i].y * 1e6 + 0.5) * 1e-6, floor(points[i].z * 1e6 + 0.5) * 1e-6);
+    error = build(count, &h);
+    CHECK(error == 0 && h.face_count == 6 && h.vertex_count == 8, "round %d: %s, %d faces, %d vertices", round, gv_hull_error(error), h.face_count, h.vertex_count);
+    for (int i = 0; i < 8 && error == 0; i++) {
+      double off = HUGE_VAL;
+      for (int k = 0; k < h.vertex_count; k++) off = fmin(off, gv_norm(gv_sub(h.vertex[k], points[i])));
+      CHECK(off < 4e-6, "corner %d moved by %g m", i, off);
+    }
+  }
+}
+
 static void test_errors(void) {
   gv_hull h;
   put_box(gv_v3(1, 1, 1), gv_pose_identity());
@@ -249,6 +270,7 @@ int main(void) {
   RUN(test_random_points_on_an_ellipsoid);
   RUN(test_prisms);
   RUN(test_rounded_coordinates);
+  RUN(test_flat_sides_of_rounded_files);
   RUN(test_errors);
   RUN(test_mass_of_a_box);
   RUN(test_mass_of_a_tetrahedron);

@@ -67,6 +67,26 @@ static void test_box_on_a_table(void) {
   }
 }
 
+// A box that a file describes turned, with six digits a coordinate, has flat sides all the same.
+static void test_box_from_a_rounded_file(void) {
+  static char memory[8000];
+  for (int i = 0; i < 200; i++) {
+    gv_quat q = draw_rotation();
+    gv_vec3 p[8];
+    gv_hull rounded;
+    gv_arena arena;
+    gv_arena_init(&arena, memory, sizeof memory);
+    for (int k = 0; k < 8; k++) {
+      p[k] = gv_rotate(q, gv_v3(k & 1 ? 0.03 : -0.03, k & 2 ? 0.02 : -0.02, k & 4 ? 0.04 : -0.04));
+      p[k] = gv_v3(floor(p[k].x * 1e6 + 0.5) * 1e-6, floor(p[k].y * 1e6 + 0.5) * 1e-6, floor(p[k].z * 1e6 + 0.5) * 1e-6);
+    }
+    if (gv_hull_build(&arena, p, 8, &rounded)) exit(1);
+    contacts c = touch(gv_shape_hull(&rounded), (gv_pose){gv_quat_conj(q), {0.1, 0.1, 0.09 - 1e-5}}, gv_shape_hull(&table), gv_pose_identity(), NULL);
+    CHECK(c.count == 4, "%d contacts", c.count);
+    for (int k = 0; k < c.count; k++) CHECK_NEAR(c.p[k].depth, 1e-5, 4e-6);
+  }
+}
+
 // Tilted by a little, each corner has the depth of its own height.
 static void test_tilted_box(void) {
   for (int i = 0; i < 1000; i++) {
@@ -253,6 +273,7 @@ static void test_contacts_do_not_jump(void) {
 int main(void) {
   build_hulls();
   RUN(test_box_on_a_table);
+  RUN(test_box_from_a_rounded_file);
   RUN(test_tilted_box);
   RUN(test_box_over_the_rim);
   RUN(test_palm_on_a_table);

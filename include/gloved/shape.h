@@ -48,7 +48,8 @@ static inline gv_shape gv_shape_rounded_box(gv_vec3 half, double radius) {
 static inline gv_shape gv_shape_hull(const gv_hull *hull) { return (gv_shape){GV_CORE_HULL, hull->radius, {0, 0, 0}, hull}; }
 
 // Build the convex hull of `count` points into the arena: only points on the hull are kept, coplanar
-// facets merge into polygons. Set-up only: cost about vertices x faces. `keep_order` is not promised.
+// facets merge into polygons. Corners of a long side that a file has rounded off its plane (by up to 4e-6 m) are moved
+// back into it. Set-up only: cost about vertices x faces. `keep_order` is not promised.
 // Errors (negative): GV_HULL_FEW (under 4 points), GV_HULL_FLAT (no volume), GV_HULL_NOT_FINITE,
 // GV_HULL_VERTICES / GV_HULL_FACES / GV_HULL_POLYGON (over GV_MAX_...), GV_HULL_MEMORY (arena full).
 enum { GV_HULL_FEW = -1, GV_HULL_FLAT = -2, GV_HULL_NOT_FINITE = -3, GV_HULL_VERTICES = -4, GV_HULL_FACES = -5,
