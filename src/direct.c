@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // The contact problem (Eqn 11 to 18) as ODE states it, solved by block pivoting (Judice and Pires 1994): guess which
 // contacts are open, hold or slide, solve the linear system that remains, and let every row that contradicts its
-// guess change sides, after a few rounds one contact at a time. While a hand holds an object the last step's guess is right at once: one factorization in
-// place of Dantzig's row by row. A friction row that slides is at its limit, mu times the normal impulse of its own
-// contact (the friction pyramid alone). Where the guesses do not settle the caller asks ODE. Real-time thread.
+// guess change sides, after a few rounds one contact at a time. While a hand holds an object the last step's guess
+// is right at once: one factorization in place of Dantzig's row by row. A friction row that slides is at its limit,
+// mu times the normal impulse of its own contact (the friction pyramid alone). Where the guesses do not settle the
+// caller asks ODE. Real-time thread.
 //
 // In impulses x = h f:  (J M^-1 J^T + cfm / h) x = c - J v,  c the velocity that takes back depth, or closes a gap.
 #include "direct.h"
