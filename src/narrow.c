@@ -88,25 +88,32 @@ static void take_overlap(const gv_epa_result *r, gv_narrow_method method, gv_dis
   out->iterations += r->iterations;
 }
 
-static void find_depth(const gv_cso *cso, gv_vec3 guess, gv_distance *out) {
-  gv_epa_result r, faces;
-  bool found = gv_epa_run(cso, guess, &r);
-  if (found && r.depth - r.lower_bound <= 1e-6) {
-    take_overlap(&r, GV_NARROW_EPA, out);
+// What the polytope found, where its bounds met; else the faces may know better.
+static void settle_depth(const gv_cso *cso, gv_vec3 guess, const gv_epa_result *found, gv_distance *out) {
+  gv_epa_result faces;
+  if (found && found->depth - found->lower_bound <= 1e-6) {
+    take_overlap(found, GV_NARROW_EPA, out);
     return;
   }
   gv_epa_sweep_faces(cso, guess, &faces);
-  if (found && r.depth <= faces.depth) take_overlap(&r, GV_NARROW_EPA, out);
+  if (found && found->depth <= faces.depth) take_overlap(found, GV_NARROW_EPA, out);
   else take_overlap(&faces, GV_NARROW_FACES, out);
 }
 
+static void find_depth(const gv_cso *cso, gv_vec3 guess, gv_distance *out) {
+  gv_epa_result r;
+  bool found = gv_epa_run(cso, guess, &r);
+  settle_depth(cso, guess, found ? &r : NULL, out);
+}
+
 // A cached normal along which the cores overlap means that they most likely still do (a box at rest on a table):
-// the polytope is asked first. True where its answer stands; else *io_n is a better guess.
+// the polytope is asked first. True where it shows that they do; else *io_n is a better guess.
 static bool still_overlap(const gv_cso *cso, gv_vec3 *io_n, gv_distance *out) {
   gv_epa_result r;
   if (!gv_epa_run(cso, *io_n, &r)) return false;
-  if (r.lower_bound >= -touching && r.depth - r.lower_bound <= 1e-6) {
-    take_overlap(&r, GV_NARROW_EPA, out);
+  bool met = r.depth - r.lower_bound <= 1e-6;
+  if (r.lower_bound >= (met ? -touching : touching)) {
+    settle_depth(cso, *io_n, &r, out);
     return true;
   }
   *io_n = r.normal;
