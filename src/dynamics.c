@@ -377,14 +377,15 @@ static int largest_island(const gv_dynamics *dyn, const gv_dynamics_contact *con
 }
 
 // Dantzig's exact solver where its cost, the cube of an island's rows, fits into the share of the period that the
-// solver has; else QuickStep with as many iterations as fit. Costs as measured by `make bench`.
-static bool choose_solver(gv_dynamics *dyn, const gv_dynamics_contact *contact, int count) {
+// solver has; else QuickStep with as many iterations as fit, and where the direct solver found no way (Dantzig's then
+// runs into a pivot of nearly zero now and then, `LCP internal error`). Costs as measured by `make bench`.
+static bool choose_solver(gv_dynamics *dyn, const gv_dynamics_contact *contact, int count, bool knotted) {
   const gv_config *cfg = dyn->cfg;
   const double share_ns = 0.4e9 * cfg->step_s;
   int island = largest_island(dyn, contact, count), most = cfg->solver == GV_SOLVER_DANTZIG ? DANTZIG_MOST : cfg->dantzig_contacts;
   double rows = 3.0 * island, dantzig_ns = 0.5 * rows * rows * rows;
   bool fits = island <= most && (cfg->solver == GV_SOLVER_DANTZIG || dantzig_ns <= share_ns);
-  if (cfg->solver != GV_SOLVER_QUICK && fits) return false;
+  if (cfg->solver != GV_SOLVER_QUICK && fits && !knotted) return false;
   double iterations = share_ns / (15.0 * 3.0 * fmax(count, 1));
   dWorldSetQuickStepNumIterations(dyn->world, (int)gv_clamp(iterations, fmin(QUICK_LEAST, cfg->quick_iterations), cfg->quick_iterations));
   return true;
@@ -496,9 +497,9 @@ static bool solve_direct(gv_dynamics *dyn, const gv_dynamics_contact *contact, i
 
 // ---- the step -------------------------------------------------------------------------------------
 
-static gv_solver solve_in_ode(gv_dynamics *dyn, const gv_dynamics_contact *contact, int count, gv_vec3 force_on_a[]) {
+static gv_solver solve_in_ode(gv_dynamics *dyn, const gv_dynamics_contact *contact, int count, bool knotted, gv_vec3 force_on_a[]) {
   sort_limbs(dyn, contact, count);
-  bool quick = choose_solver(dyn, contact, count), done = try_step(dyn, contact, count, quick);
+  bool quick = choose_solver(dyn, contact, count, knotted), done = try_step(dyn, contact, count, quick);
   if (!done) dyn->solver_errors++;
   if (!done && !quick) {
     quick = true;
@@ -509,15 +510,15 @@ static gv_solver solve_in_ode(gv_dynamics *dyn, const gv_dynamics_contact *conta
 }
 
 gv_solver gv_dynamics_step(gv_dynamics *dyn, const gv_dynamics_contact *contact, int count, gv_vec3 force_on_a[]) {
-  gv_solver used = GV_SOLVER_AUTO;
-  if (suits_direct(dyn, contact, count) && solve_direct(dyn, contact, count, force_on_a)) used = GV_SOLVER_DIRECT, count = 0;
-  gv_solver in_ode = solve_in_ode(dyn, contact, count, force_on_a);
+  bool suits = suits_direct(dyn, contact, count), direct = suits && solve_direct(dyn, contact, count, force_on_a);
+  if (direct) count = 0;
+  gv_solver in_ode = solve_in_ode(dyn, contact, count, suits && !direct, force_on_a);
   for (int i = 0; i < dyn->body_count; i++) {
     if (dyn->in_ode[i]) read_back(dyn, i);
     else if (i < GV_LIMBS && !dyn->parked) step_free_limb(dyn, i);
     dyn->force[i] = dyn->torque[i] = gv_v3(0, 0, 0);
   }
-  return used == GV_SOLVER_DIRECT ? used : in_ode;
+  return direct ? GV_SOLVER_DIRECT : in_ode;
 }
 
 void gv_dynamics_forget(gv_dynamics *dyn) { dyn->direct.last_count = 0; }

@@ -43,8 +43,8 @@ typedef struct gv_config {
   double world_cfm;            // never 0
   double contact_margin_m;     // gaps below this get a row that lets them close, but not overshoot
   // dynamics
-  // auto: a direct solve of the guess who holds and who slides; where that does not settle, ODE's Dantzig up to
-  // `dantzig_contacts` that touch each other, and QuickStep above or where Dantzig would not fit into the period
+  // auto: a direct solve of the guess who holds and who slides, QuickStep where that does not settle; for what it is
+  // not made for ODE's Dantzig up to `dantzig_contacts` that touch each other, QuickStep where that would not fit into the period
   gv_solver solver;
   int dantzig_contacts, quick_iterations;
   double rest_s;               // an object that lies still for so long and touches no limb is not simulated, and has
