@@ -11,8 +11,8 @@
 
 #include <string.h>
 
-enum { BLOCK_GUESSES = 3, GUESSES = 10 };
-static const double rounding = 1e-10;       // of an impulse, N s, or a velocity, m/s: such contradictions are none
+enum { BLOCK_GUESSES = 3, GUESSES = 12 };
+static const double rounding = 1e-8;         // of an impulse, N s, or a velocity, m/s: such contradictions are none
 static const double most_out_m_s = 0.25;    // a deep limb is let out gently, not shot
 
 static gv_vec3 turned(const gv_direct_body *body, gv_vec3 moment) { return gv_mat3_mul(&body->inv_inertia, moment); }
