@@ -31,6 +31,18 @@ at 3.8 dead_man off
 at 4.2 dead_man on
 end 30
 """
+# The same three seconds later.
+LATE_USER = """posture flat thumb_abduction 40 index_mpj 0
+posture press like flat index_mpj 60
+at 0.0 posture flat wrist -0.3 0 0.06 0 0 0 dead_man off
+at 4.0 dead_man on
+at 4.2 posture press
+at 5.8 posture press
+at 6.2 posture flat
+at 6.8 dead_man off
+at 7.2 dead_man on
+end 30
+"""
 READY, ARMED, ACTIVE = 2, 3, 4
 failed = False
 
@@ -103,7 +115,7 @@ def check_commands(lcm, types, folder):
     expect("command friction: done", 3, 0.6)
     expect("command coupling: refused: give a multiple from 0.1 to 2", 2, 2.5)
     expect("command friction: refused: give a coefficient from 0 to 2", 3, math.nan)
-    expect("command scene: refused: a scene is chosen at the start; start gloved with --scene", 1, 0.0, "data/scenes/frame.scene")
+    expect("command scene: refused: there is no such file in the daemon's directory", 1, 0.0, "data/scenes/frame.scene")
     expect("command start log: refused: give a file name of letters, digits, . _ - and no folder", 4, 0.0, "../x.lcm")
     expect("command ?: refused: no such command; see data/lcm/gloved_command_t.lcm", 99)
     time.sleep(1.1)
@@ -138,6 +150,86 @@ def check_commands(lcm, types, folder):
             else f"{stats and stats[-1].commands_refused}")
     logged = {e.channel for e in lcm.EventLog(folder + "/live.lcm")}
     verdict("a_log_by_command", "" if {"GLOVED_STATE", "GLOVED_TRACE", "GLOVED_EVENT"} <= logged else f"{logged}")
+
+
+def names(state):
+    return [o.name for o in state.object]
+
+
+def check_bad_scenes(d, folder):
+    """None of these changes anything; the reason is told."""
+    where = "give a file NAME.scene at or below the daemon's directory, of letters, digits, . _ - and /"
+    with open(folder + "/bad.scene", "w") as file:
+        file.write("version = 1;\nobjects = ( { name = \"x\"; box = [1, 2]; } );\n")
+    os.mkfifo(folder + "/pipe.scene")
+    bad = {"../frame.scene": where, "/frame.scene": where, "scenes/../bad.scene": where, "scenes//bad.scene": where, "": where, ".scene": where,
+           "x" * 300 + ".scene": where, "press.user": where, "no.scene": "there is no such file in the daemon's directory",
+           "pipe.scene": "not a plain file"}
+    wrong = []
+    for i, (file, why) in enumerate(bad.items()):
+        time.sleep(0.15)  # at most 10 a second
+        got = d.ask(1, 0.0, file)
+        if got != "command scene: refused: " + why:
+            wrong.append(f"{file[:40]}: {got}")
+    got = d.ask(1, 0.0, "bad.scene")
+    if not got.startswith("command scene: refused: bad.scene:2: "):
+        wrong.append(got)
+    before = d.state().step
+    d.until(d.state().time_s + 0.1)
+    if names(d.state()) != ["table", "box"] or d.state().safety_state != READY or d.state().step <= before:
+        wrong.append(f"{names(d.state())}, state {d.state().safety_state}, step {d.state().step} after {before}")
+    verdict("a_bad_scene_changes_nothing", "\n  ".join(wrong))
+
+
+def check_scene(lcm, types, folder):
+    """Box to frame, back, and to the frame by gloved-command, under the simulated user."""
+    os.mkdir(folder + "/scenes")
+    for name in ("box", "frame"):
+        with open(f"data/scenes/{name}.scene") as source, open(f"{folder}/scenes/{name}.scene", "w") as file:
+            file.write(source.read())
+    with open(folder + "/late.user", "w") as file:
+        file.write(LATE_USER)
+    d = Daemon(lcm, types, folder, 9.5, ("--summary", "scene.json", "--fcu", "sim:late.user"))
+    d.until(0.5)
+    check_bad_scenes(d, folder)
+    wrong = []
+
+    def expect(what, got, wanted):
+        if got != wanted:
+            wrong.append(f"{what}: wanted {wanted!r}, got {got!r}")
+
+    expect("frame", d.ask(1, 0.0, "scenes/frame.scene"), "command scene: done")
+    d.until(d.state().time_s + 0.2)
+    expect("objects", names(d.state()), ["table", "frame"])
+    links = [link.name for link in types.viewer_load_t.decode(d.messages["DRAKE_VIEWER_LOAD_ROBOT"][-1]).link]
+    expect("picture", [n for n in links if n.startswith("objects")], ["objects::table", "objects::frame"])
+    expect("box", d.ask(1, 0.0, "scenes/box.scene"), "command scene: done")
+    d.until(4.9)
+    expect("state with the box again", (names(d.state()), d.state().safety_state), (["table", "box"], ACTIVE))
+    expect("active", d.ask(1, 0.0, "scenes/frame.scene"), "command scene: refused: not while a force may flow; disarm first")
+    d.until(d.state().time_s + 0.1)
+    expect("state after the refusal", (names(d.state()), d.state().safety_state), (["table", "box"], ACTIVE))
+    d.ask(6)
+    d.until(d.state().time_s + 0.1)
+    tool = subprocess.run([B + "/gloved-command", "scene", "scenes/frame.scene"], env=dict(os.environ, LCM_DEFAULT_URL=URL), capture_output=True, text=True)
+    expect("gloved-command", (tool.returncode, tool.stdout), (0, "command scene: done\n"))
+    changed_at = d.state().time_s
+    d.finish()
+    states = d.of("GLOVED_STATE", "state_t")
+    held = [s for s in states if changed_at + 0.4 < s.time_s < 6.7]
+    late = [s.safety_state for s in states if 7.4 < s.time_s < 9.4]
+    verdict("another_scene_by_command", "\n  ".join(wrong))
+    verdict("the_switch_must_be_let_go_first", "" if held and all(s.safety_state == READY and s.dead_man and max(s.force_commanded_n) == 0 for s in held)
+            and late and set(late) <= {ARMED, ACTIVE} else f"{[(s.time_s, s.safety_state, s.force_commanded_n) for s in held][:3]} {set(late)}")
+    check_counters_over_scenes(states, json.load(open(folder + "/scene.json")))
+
+
+def check_counters_over_scenes(states, summary):
+    steps, sent = [s.step for s in states], [s.frames_sent for s in states]
+    good = steps == sorted(steps) and sent == sorted(sent) and abs(summary["steps"] - 9500) < 50 and summary["frames"]["lost"] == 0 \
+        and [o["name"] for o in summary["objects"]] == ["table", "frame"] and summary["exit_reason"] == "duration" \
+        and summary["rt_heap_calls"] == 0 and max(summary["force_max_n"]) > 0.1 and summary["faults"] == "none"
+    verdict("counters_go_on_over_scenes", "" if good else f"{summary}")
 
 
 def check_flood(lcm, types, folder):
@@ -378,6 +470,7 @@ def main():
         if multicast_works(lcm):
             check_commands(lcm, types, folder)
             check_flood(lcm, types, folder)
+            check_scene(lcm, types, folder)
             check_stats_and_trace(lcm, types, folder)
             check_logger(lcm, folder)
         else:

@@ -11,9 +11,9 @@
 #include "gloved_command_t.h"
 #include "gloved_event_t.h"
 
-enum { EVENT_COMMAND = 4, REFUSED = 256, ANSWER_MS = 2000 };
+enum { EVENT_COMMAND = 4, REFUSED = 256, ANSWER_S = 3, SCENE_S = 15 };  // a large scene takes seconds to load
 
-typedef struct answer { int kind; bool came, refused; char text[200]; } answer;
+typedef struct answer { int kind; bool came, refused; char text[600]; } answer;
 
 static void on_event(const lcm_recv_buf_t *buffer, const char *channel, const gloved_event_t *event, void *user) {
   (void)buffer, (void)channel;
@@ -28,6 +28,7 @@ static int usage(void) {
   fprintf(stderr,
     "usage: gloved-command NAME [VALUE|FILE]   (LCM_DEFAULT_URL as gloved --lcm)\n"
     "  reset               objects back to their start; not while a force may flow\n"
+    "  scene FILE          another scene, FILE.scene at or below the daemon's directory; not while a force may flow\n"
     "  coupling MULTIPLE   stiffness, 0.1 to 2 times the configured one\n"
     "  friction MU         of the hand's skin, 0 to 2\n"
     "  start-log FILE      a new LCM log in the daemon's directory\n"
@@ -78,7 +79,7 @@ int main(int argc, char **argv) {
   answer a = {.kind = command.kind};
   gloved_event_t_subscribe(lcm, "GLOVED_EVENT", on_event, &a);
   gloved_command_t_publish(lcm, "GLOVED_COMMAND", &command);
-  const time_t end = time(NULL) + ANSWER_MS / 1000 + 1;
+  const time_t end = time(NULL) + (command.kind == GV_REQUEST_SCENE ? SCENE_S : ANSWER_S);
   while (!a.came && time(NULL) < end) lcm_handle_timeout(lcm, 100);
   lcm_destroy(lcm);
   if (a.came) printf("%s\n", a.text);

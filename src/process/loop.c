@@ -29,6 +29,7 @@ const char *gv_exit_name(gv_exit reason) {
     case GV_EXIT_DURATION: return "duration";
     case GV_EXIT_SIGNAL: return "signal";
     case GV_EXIT_FAULT: return "fault";
+    case GV_EXIT_SCENE: return "scene";
   }
   return "unknown";
 }
@@ -63,7 +64,7 @@ static void push_record(gv_loop *loop, gv_record_kind kind, uint32_t bits) {
   const gv_session *session = loop->session;
   gv_record *record = gv_ring_reserve(&loop->records);
   if (!record) return;
-  int64_t step = (int64_t)gv_engine_counters(session->engine)->steps;
+  int64_t step = gv_session_steps(session);
   *record = (gv_record){.kind = kind, .step = step, .time_s = (double)(step * loop->cfg.period_ns) * 1e-9,
                         .utime = loop->wall_us + loop->now_ns / 1000, .from = loop->state_reported, .to = session->safety.state, .bits = bits};
   gv_ring_commit(&loop->records);
@@ -71,7 +72,7 @@ static void push_record(gv_loop *loop, gv_record_kind kind, uint32_t bits) {
 
 // At most one report a second for each kind, so that a noisy event cannot fill the ring.
 static bool may_report(gv_loop *loop, int kind) {
-  int64_t step = (int64_t)gv_engine_counters(loop->session->engine)->steps;
+  int64_t step = gv_session_steps(loop->session);
   if (step < loop->next_report[kind]) return false;
   loop->next_report[kind] = step + 1000000000 / loop->cfg.period_ns;
   return true;
@@ -129,11 +130,14 @@ static void push_steps(gv_loop *loop, int frame_count, int64_t wake_ns, int64_t 
   }
 }
 
+// Requests behind one for another scene wait for that scene. Whoever changes the scene tells that it is done.
 static void obey_requests(gv_loop *loop) {
   const gv_request *request;
-  while ((request = gv_ring_peek(&loop->requests))) {
-    const bool done = gv_session_request(loop->session, request);
-    push_record(loop, GV_RECORD_REQUEST, (uint32_t)request->kind | (done ? 0u : GV_RECORD_REFUSED));
+  while (!loop->scene_accepted && (request = gv_ring_peek(&loop->requests))) {
+    const bool done = gv_session_request(loop->session, request), scene = request->kind == GV_REQUEST_SCENE;
+    if (!scene || !done) push_record(loop, GV_RECORD_REQUEST, (uint32_t)request->kind | (done ? 0u : GV_RECORD_REFUSED));
+    if (scene) atomic_store(&loop->scene_asked, done);
+    loop->scene_accepted = scene && done;
     gv_ring_release(&loop->requests);
   }
 }
@@ -143,16 +147,17 @@ static void tell(gv_loop *loop, int64_t step) {
   loop->events |= loop->session->result.events;
   report_events(loop);
   if (every <= 1 || step % every == 0) push_snapshot(loop);
-  atomic_store_explicit(&loop->heap_calls, gv_heap_calls(), memory_order_relaxed);
+  atomic_store_explicit(&loop->heap_calls, loop->heap_calls_before + gv_heap_calls(), memory_order_relaxed);
 }
 
 // ---- the loop -----------------------------------------------------------------------------------------
 
-static gv_exit why_to_end(const gv_loop *loop, int64_t step) {
+static gv_exit why_to_end(const gv_loop *loop) {
   if (atomic_load_explicit(loop->stop, memory_order_relaxed)) return GV_EXIT_SIGNAL;
   const int64_t skipped = loop->cfg.pace == GV_PACE_LIVE ? (int64_t)loop->overruns : 0;
-  if (loop->cfg.periods_max > 0 && step + skipped >= loop->cfg.periods_max) return GV_EXIT_DURATION;
-  return loop->driver->ended(loop->driver->self) ? GV_EXIT_END : GV_EXIT_RUNNING;
+  if (loop->cfg.periods_max > 0 && loop->number + skipped >= loop->cfg.periods_max) return GV_EXIT_DURATION;
+  if (loop->driver->ended(loop->driver->self)) return GV_EXIT_END;
+  return loop->scene_accepted ? GV_EXIT_SCENE : GV_EXIT_RUNNING;
 }
 
 // Skips the periods that are already over; returns the next deadline.
@@ -175,9 +180,9 @@ static void watch_faults(gv_loop *loop) {
 }
 
 static void count_faults(gv_loop *loop) {
-  const gv_page_faults now = gv_realtime_page_faults(), before = loop->page_faults;
+  const gv_page_faults now = gv_realtime_page_faults(), start = loop->page_faults, before = loop->page_faults_before;
   gv_heap_watch(false);
-  loop->page_faults = (gv_page_faults){now.major - before.major, now.minor - before.minor};
+  loop->page_faults = (gv_page_faults){before.major + now.major - start.major, before.minor + now.minor - start.minor};
 }
 
 // Forces to zero over the limiter's ramp, without engine steps, and then a few commands of zero for a
@@ -189,6 +194,7 @@ static void ramp_down(gv_loop *loop) {
   loop->faults_before_stop = loop->session->safety.faults;
   for (int zeros = 0; zeros < FINAL_ZERO_COMMANDS;) {
     loop->now_ns += loop->cfg.period_ns;
+    loop->number++;
     zeros += gv_session_stop(loop->session, loop->now_ns, &command) ? 1 : 0;
     loop->driver->send(loop->driver->self, &command, 1);
     record_frames(loop, &command, 1);
@@ -209,11 +215,11 @@ static gv_exit run(gv_loop *loop) {
   int64_t deadline_ns = clock_ns(CLOCK_MONOTONIC) + loop->cfg.period_ns;
   gv_exit reason;
   gv_frame command;
-  for (int64_t step = 0; (reason = why_to_end(loop, step)) == GV_EXIT_RUNNING; step++) {
+  for (bool first = true; (reason = why_to_end(loop)) == GV_EXIT_RUNNING; first = false, loop->number++) {
     if (pace == GV_PACE_FREE) wait_for_space(loop);
     else sleep_until(deadline_ns);
     const int64_t start_ns = clock_ns(CLOCK_MONOTONIC);
-    loop->step_ns = step * loop->cfg.period_ns;
+    loop->step_ns = loop->number * loop->cfg.period_ns;
     loop->now_ns = pace == GV_PACE_LIVE ? start_ns : loop->step_ns;
     const int count = driver->poll(driver->self, loop->now_ns, loop->frame, GV_LOOP_FRAMES);
     const int64_t polled_ns = clock_ns(CLOCK_MONOTONIC);
@@ -226,8 +232,8 @@ static gv_exit run(gv_loop *loop) {
     const int64_t sent_ns = clock_ns(CLOCK_MONOTONIC);
     record_frames(loop, loop->frame, count);
     record_frames(loop, &command, 1);
-    tell(loop, step);
-    if (step == 0) watch_faults(loop);
+    tell(loop, loop->number);
+    if (first) watch_faults(loop);
     const int64_t done_ns = clock_ns(CLOCK_MONOTONIC);
     add_times(loop, (const int64_t[]){start_ns, polled_ns, computed_ns, sent_ns, done_ns});
     if (atomic_load_explicit(&loop->trace, memory_order_relaxed))
@@ -243,8 +249,8 @@ static void *loop_thread(void *argument) {
   gv_loop *loop = argument;
   const unsigned refusals = loop->refusals_before | gv_realtime_enter(&loop->cfg.realtime);
   atomic_store(&loop->refusals, (int)refusals);
-  loop->wall_us = clock_ns(CLOCK_REALTIME) / 1000;
-  if (loop->cfg.pace == GV_PACE_LIVE) loop->wall_us -= clock_ns(CLOCK_MONOTONIC) / 1000;
+  const int64_t session_ns = loop->cfg.pace == GV_PACE_LIVE ? clock_ns(CLOCK_MONOTONIC) : loop->number * loop->cfg.period_ns;
+  loop->wall_us = (clock_ns(CLOCK_REALTIME) - session_ns) / 1000;
   loop->page_faults = gv_realtime_page_faults();
   const gv_exit reason = run(loop);
   count_faults(loop);
@@ -252,7 +258,7 @@ static void *loop_thread(void *argument) {
   if (loop->cfg.pace == GV_PACE_FREE) wait_for_space(loop);
   tell(loop, 0);
   atomic_store(&loop->exit, (int)reason);
-  if (loop->cfg.alarm_s) alarm(loop->cfg.alarm_s);
+  if (loop->cfg.alarm_s && reason != GV_EXIT_SCENE) alarm(loop->cfg.alarm_s);
   return NULL;
 }
 
@@ -273,8 +279,21 @@ void gv_loop_init(gv_loop *loop, const gv_loop_config *cfg, gv_session *session,
   gv_ring_init(&loop->frames, loop->recorded_slot, sizeof loop->recorded_slot[0], GV_LOOP_RECORDED);
 }
 
+void gv_loop_change_scene(gv_loop *loop, int object_count) {
+  loop->object_count = object_count;
+  loop->state_reported = loop->session->safety.state;
+  loop->heap_calls_before = atomic_load(&loop->heap_calls);
+  loop->page_faults_before = loop->page_faults;
+  loop->overruns_now = 0;
+  loop->events = 0;
+  loop->scene_accepted = false;
+  atomic_store(&loop->scene_asked, false);
+  atomic_store(&loop->exit, GV_EXIT_RUNNING);
+}
+
 int gv_loop_start(gv_loop *loop) {
   pthread_attr_t attributes;
+  loop->starts++;
   loop->refusals_before = gv_realtime_prepare(&loop->cfg.realtime);
   pthread_attr_init(&attributes);
   pthread_attr_setstacksize(&attributes, GV_REALTIME_STACK);

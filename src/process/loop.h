@@ -37,7 +37,8 @@ typedef struct gv_loop_config {
   unsigned alarm_s;          // SIGALRM so many seconds after the end, for a slow thread that hangs; 0: none
 } gv_loop_config;
 
-typedef enum gv_exit { GV_EXIT_RUNNING, GV_EXIT_END, GV_EXIT_DURATION, GV_EXIT_SIGNAL, GV_EXIT_FAULT } gv_exit;
+// GV_EXIT_SCENE: a request for another scene was obeyed; gv_loop_change_scene and gv_loop_start go on.
+typedef enum gv_exit { GV_EXIT_RUNNING, GV_EXIT_END, GV_EXIT_DURATION, GV_EXIT_SIGNAL, GV_EXIT_FAULT, GV_EXIT_SCENE } gv_exit;
 
 // Parts of a period's work: take frames, session step, send the command, tell the slow thread.
 typedef enum gv_stage { GV_STAGE_POLL, GV_STAGE_COMPUTE, GV_STAGE_SEND, GV_STAGE_TELL, GV_STAGES } gv_stage;
@@ -63,8 +64,14 @@ typedef struct gv_loop {
   uint32_t faults_before_stop;
   gv_ring snapshots, records, steps, frames; // to the slow thread
   gv_ring requests;                  // from the slow thread
+  atomic_bool scene_asked;           // set by the slow thread with a request for another scene; false again where it is refused
   atomic_bool trace;                 // set by the slow thread: step records are wanted
+  int starts;                        // gv_loop_start so far: scenes
+  uint64_t heap_calls_before;        // of the threads before this one
+  gv_page_faults page_faults_before;
   // The loop's own.
+  bool scene_accepted;               // the loop is to end for it
+  int64_t number;                    // of the period, over all scenes
   unsigned refusals_before;          // of the process, before the thread started
   unsigned overruns_now;             // periods skipped just before this step
   int64_t wall_us;                   // us since 1970 when session time was 0
@@ -87,9 +94,11 @@ void gv_loop_init(gv_loop *loop, const gv_loop_config *cfg, gv_session *session,
                   atomic_bool *stop);
 // Locks memory as configured and starts the thread. 0, or the errno of pthread_create.
 int gv_loop_start(gv_loop *loop);
+// After gv_loop_join with GV_EXIT_SCENE: the session has got the new scene's engine. Times, losses and rings stay.
+void gv_loop_change_scene(gv_loop *loop, int object_count);
 bool gv_loop_running(const gv_loop *loop);
 void gv_loop_join(gv_loop *loop);
-const char *gv_exit_name(gv_exit reason);  // "end of input", "duration", "signal", "fault"
+const char *gv_exit_name(gv_exit reason);  // "end of input", "duration", "signal", "fault", "scene"
 
 // Whole periods to skip so that a deadline that was missed by late_ns lies ahead again; 0 when not late.
 int64_t gv_loop_periods_to_skip(int64_t late_ns, int64_t period_ns);

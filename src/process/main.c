@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // gloved, from the command line to the exit code. Set-up reads everything and takes all memory; then two
 // threads run until the end: the real-time loop (loop.c: frames in, engine step, forces out) and this one,
-// the slow one (slow.c: LCM, log, view); then the summary is written. Start reading here, then loop.c,
-// session.c, and src/engine.c.
+// the slow one (slow.c: LCM, log, view); then the summary is written. For another scene by command the loop ends,
+// and a new one goes on with the same devices. Start reading here, then loop.c, session.c, and src/engine.c.
 #include <signal.h>
 #include <stdio.h>
 #include <string.h>
@@ -10,25 +10,19 @@
 
 #include "devices.h"
 #include "options.h"
-#include "scene_load.h"
 #include "slow.h"
 #include "summary.h"
+#include "world.h"
 
 #define GV_VERSION "0.1.0"
 
 enum { OK = 0, FAULT = 1, BAD_INPUT = 2, ERROR_TEXT = 512, GIVE_UP_S = 2 };
 
-// Address space for scene and engine: the largest scene allowed takes 32 MB, its engine less than that
-// again. What the scene at hand does not need is given back.
-static const size_t memory_size = (size_t)256 << 20;
-
 typedef struct program {
   gv_options options;
   gv_settings settings;
-  void *memory;
-  gv_arena arena;
-  gv_scene scene;
-  gv_engine *engine;
+  gv_world world;
+  gv_world next;             // the scene that a command asked for, without an engine; no memory: none
   gv_driver driver;
   gv_pace pace;
   gv_telemetry *telemetry;
@@ -71,23 +65,19 @@ static void catch_signals(void) {
 // ---- set-up: 0, or negative with one line in p->err ---------------------------------------------------
 
 static int open_world(program *p) {
-  p->memory = gv_realtime_reserve(memory_size);
-  if (!p->memory) {
-    snprintf(p->err, sizeof p->err, "no memory for scene and engine; close other programs");
-    return -1;
-  }
-  gv_arena_init(&p->arena, p->memory, memory_size);
-  if (gv_scene_load(p->settings.scene, &p->arena, &p->scene, p->err, sizeof p->err)) return -1;
-  const size_t size = gv_engine_size(&p->settings.engine, &p->scene);
-  void *block = gv_arena_alloc(&p->arena, "engine", size);
-  p->engine = block ? gv_engine_init(block, size, &p->settings.engine, &p->scene) : NULL;
-  if (!p->engine) {
-    snprintf(p->err, sizeof p->err, "%s: the engine does not start with %zu bytes; use a smaller scene", p->settings.scene, size);
-    return -1;
-  }
-  gv_realtime_trim(p->memory, memory_size, p->arena.used);
-  p->arena.size = p->arena.used;
-  return 0;
+  if (gv_world_load(&p->world, p->settings.scene, &p->settings.engine, p->err, sizeof p->err)) return -1;
+  if (gv_world_start(&p->world, &p->settings.engine) == 0) return 0;
+  snprintf(p->err, sizeof p->err, "%s: the engine does not start; use a smaller scene", p->settings.scene);
+  return -1;
+}
+
+// Called in this thread while the loop runs. Null, or the reason, valid until the next call.
+static const char *load_scene(void *user, const char *file) {
+  program *p = user;
+  if (p->pace == GV_PACE_FREE || strncmp(p->settings.fcu, "trace:", 6) == 0 || p->recorder.file)
+    return "a recording is of one scene; start gloved with --scene";
+  gv_world_close(&p->next);  // what the loop refused last time
+  return gv_world_load(&p->next, file, &p->settings.engine, p->err, sizeof p->err) ? p->err : NULL;
 }
 
 // Where nobody asked for a certain LCM, a machine without multicast is told so, and the hand works all the same.
@@ -96,7 +86,8 @@ static int open_telemetry(program *p) {
   gv_settings_default(&defaults);
   const bool required = p->options.lcm || strcmp(p->settings.lcm, defaults.lcm) != 0;
   const gv_telemetry_config telemetry = {.lcm_url = p->settings.lcm, .lcm_required = required, .log_path = p->options.log,
-                                         .scene = &p->scene, .hand = &p->settings.engine.hand, .arena = &p->arena, .give_up = &give_up};
+                                         .scene = &p->world.scene, .hand = &p->settings.engine.hand, .arena = &p->world.arena,
+                                         .load_scene = load_scene, .user = p, .give_up = &give_up};
   p->telemetry = gv_telemetry_open(&telemetry, p->err, sizeof p->err);
   if (p->telemetry && p->err[0]) fprintf(stderr, "gloved: going on without LCM: %s\n", p->err);
   return p->telemetry ? 0 : -1;
@@ -149,30 +140,51 @@ static void start_loop(program *p) {
     .record = p->recorder.file != NULL,
     .realtime = p->pace == GV_PACE_FREE ? none : realtime,
   };
-  gv_session_init(&p->session, &session, p->engine);
-  gv_loop_init(&p->loop, &loop, &p->session, &p->driver, p->scene.object_count, &stop_requested);
+  gv_session_init(&p->session, &session, p->world.engine);
+  gv_loop_init(&p->loop, &loop, &p->session, &p->driver, p->world.scene.object_count, &stop_requested);
   gv_telemetry_attach(p->telemetry, &p->loop);
+}
+
+// Between two loops: the new scene's engine in the place of the old one. 0, or negative with no engine left.
+static int change_scene(program *p) {
+  const uint64_t steps = (uint64_t)gv_session_steps(&p->session);
+  gv_world_close(&p->world);
+  p->world = p->next;
+  p->next = (gv_world){0};
+  if (gv_world_start(&p->world, &p->settings.engine)) return -1;
+  gv_session_change_engine(&p->session, p->world.engine, steps);
+  gv_loop_change_scene(&p->loop, p->world.scene.object_count);
+  gv_telemetry_change_scene(p->telemetry);
+  gv_view_change_scene(&p->view);
+  return 0;
+}
+
+// 0 when it has ended, negative where it does not start.
+static int run_loop(program *p) {
+  if (gv_loop_start(&p->loop) != 0) return -1;
+  gv_slow_run(&p->loop, p->telemetry, &p->recorder, &p->view);
+  gv_loop_join(&p->loop);
+  return 0;
 }
 
 static int run(program *p) {
   start_loop(p);
   catch_signals();
-  gv_view_open(&p->view, p->settings.fcu, &p->scene, p->settings.limiter.max_n, p->pace == GV_PACE_FREE);
-  if (gv_loop_start(&p->loop) != 0) {
-    gv_view_close(&p->view);
-    fprintf(stderr, "gloved: the real-time thread does not start; close other programs\n");
-    return BAD_INPUT;
-  }
-  gv_slow_run(&p->loop, p->telemetry, &p->recorder, &p->view);
-  gv_loop_join(&p->loop);
+  gv_view_open(&p->view, p->settings.fcu, &p->world.scene, p->settings.limiter.max_n, p->pace == GV_PACE_FREE);
+  int failed;
+  do {
+    failed = run_loop(p);
+  } while (!failed && atomic_load(&p->loop.exit) == GV_EXIT_SCENE && (failed = change_scene(p)) == 0);
   alarm(0);
   gv_view_close(&p->view);
-  return OK;
+  if (!failed) return OK;
+  fprintf(stderr, "gloved: the %s does not start; close other programs\n", p->world.engine ? "real-time thread" : "new scene's engine");
+  return BAD_INPUT;
 }
 
 static int report(program *p) {
   const bool fault = p->loop.state_before_stop == GV_SAFETY_FAULT;
-  const gv_summary summary = {.loop = &p->loop, .scene = &p->scene, .arena = &p->arena, .title = p->settings.fcu,
+  const gv_summary summary = {.loop = &p->loop, .scene = &p->world.scene, .arena = &p->world.arena, .title = p->settings.fcu,
                               .reason = fault ? GV_EXIT_FAULT : (gv_exit)atomic_load(&p->loop.exit),
                               .telemetry_failed = gv_telemetry_failed(p->telemetry),
                               .driver = p->driver.stats(p->driver.self)};
@@ -189,14 +201,14 @@ static void say_what_was_found(const program *p) {
   const char *const pace[] = {"live", "in real time", "as fast as possible"};
   printf("settings   %s; %g Hz, step %g ms\n", p->options.config ? p->options.config : "defaults", p->settings.rate_hz,
          p->settings.engine.step_s * 1e3);
-  printf("scene      %s; %d objects, %d pieces, %d triangles\n", p->settings.scene, p->scene.object_count,
-         p->scene.piece_count, p->scene.triangle_count);
+  printf("scene      %s; %d objects, %d pieces, %d triangles\n", p->settings.scene, p->world.scene.object_count,
+         p->world.scene.piece_count, p->world.scene.triangle_count);
   printf("fcu        %s; %s", p->settings.fcu, pace[p->pace]);
   if (strncmp(p->settings.fcu, "trace:", 6) == 0) printf(", %.3f s long", (double)gv_trace_length_ns(&p->driver) * 1e-9);
   putchar('\n');
   if (*p->settings.tracker) printf("tracker    %s\n", p->settings.tracker);
   printf("lcm        %s\n", p->settings.lcm);
-  printf("memory     %.1f MB for scene and engine\n", (double)p->arena.used / 1e6);
+  printf("memory     %.1f MB for scene and engine\n", (double)p->world.arena.used / 1e6);
   printf("all sound\n");
 }
 
@@ -213,7 +225,8 @@ static int close_recorder(program *p) {
 static void tear_down(program *p) {
   if (p->telemetry) gv_telemetry_close(p->telemetry);
   if (p->driver.close) p->driver.close(p->driver.self);
-  if (p->engine) gv_engine_close(p->engine);
+  gv_world_close(&p->next);
+  gv_world_close(&p->world);
 }
 
 int main(int argc, char **argv) {

@@ -10,7 +10,7 @@
 
 typedef enum gv_request_kind { // as in data/lcm/gloved_command_t.lcm
   GV_REQUEST_RESET,        // objects back to their start; refused while a force may flow
-  GV_REQUEST_SCENE,        // always refused: the engine's memory belongs to one scene
+  GV_REQUEST_SCENE,        // text: file of the scene, below the daemon's directory; refused while a force may flow
   GV_REQUEST_COUPLING,     // value: stiffness as a multiple of the configured one; damping by its root
   GV_REQUEST_FRICTION,     // value: mu of the hand's skin
   GV_REQUEST_START_LOG,    // text: name of a new file in the daemon's directory
@@ -21,7 +21,7 @@ typedef enum gv_request_kind { // as in data/lcm/gloved_command_t.lcm
 } gv_request_kind;
 
 enum {
-  GV_REQUEST_TEXT = 64,       // bytes of a file name with its final zero
+  GV_REQUEST_TEXT = 200,      // bytes of a file name with its final zero
   GV_REQUEST_PER_SECOND = 10  // more are refused
 };
 #define GV_REQUEST_COUPLING_MIN 0.1

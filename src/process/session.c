@@ -23,6 +23,23 @@ void gv_session_init(gv_session *session, const gv_session_config *cfg, gv_engin
   gv_limiter_init(&session->limiter, &cfg->limiter);
 }
 
+void gv_session_change_engine(gv_session *session, gv_engine *engine, uint64_t steps_before) {
+  const gv_session before = *session;
+  gv_session_init(session, &before.cfg, engine);
+  session->steps_before = steps_before;
+  session->frames = before.frames;
+  session->glove_stream = before.glove_stream;
+  session->pose_stream = before.pose_stream;
+  session->status_stream = before.status_stream;
+  session->command_counter = before.command_counter;
+  session->faults_seen = before.faults_seen;
+  memcpy(session->force_max_n, before.force_max_n, sizeof session->force_max_n);
+}
+
+int64_t gv_session_steps(const gv_session *session) {
+  return (int64_t)(session->steps_before + gv_engine_counters(session->engine)->steps);
+}
+
 // Whether a frame with this counter is new in its stream.
 static bool accept_counter(gv_frame_counters *frames, gv_stream *stream, uint8_t counter) {
   uint8_t ahead = (uint8_t)(counter - stream->counter);
@@ -213,12 +230,16 @@ static gv_coupling scaled(gv_coupling c, double factor) {
   return (gv_coupling){c.k_f * factor, c.d_f < 0.0 ? c.d_f : c.d_f * root, c.k_t * factor, c.d_t < 0.0 ? c.d_t : c.d_t * root};
 }
 
+static bool force_may_flow(const gv_session *session) {
+  return gv_safety_lets_force_out(&session->safety) || largest(session->force_n) > 0.0;
+}
+
 bool gv_session_request(gv_session *session, const gv_request *request) {
   gv_engine *engine = session->engine;
   const gv_config *cfg = gv_engine_config(engine);
   switch (request->kind) {
     case GV_REQUEST_RESET:
-      if (gv_safety_lets_force_out(&session->safety) || largest(session->force_n) > 0.0) return false;
+      if (force_may_flow(session)) return false;
       gv_engine_reset(engine);
       return true;
     case GV_REQUEST_COUPLING: {
@@ -227,7 +248,8 @@ bool gv_session_request(gv_session *session, const gv_request *request) {
     }
     case GV_REQUEST_FRICTION: return gv_engine_adjust(engine, &cfg->limb, &cfg->palm, request->value) == 0;
     case GV_REQUEST_DISARM: session->disarmed = true; return true;
-    case GV_REQUEST_SCENE: case GV_REQUEST_START_LOG: case GV_REQUEST_STOP_LOG: case GV_REQUEST_TRACE: case GV_REQUEST_KINDS: break;
+    case GV_REQUEST_SCENE: return !force_may_flow(session);
+    case GV_REQUEST_START_LOG: case GV_REQUEST_STOP_LOG: case GV_REQUEST_TRACE: case GV_REQUEST_KINDS: break;
   }
   return false;
 }

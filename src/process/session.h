@@ -47,6 +47,7 @@ typedef struct gv_stream { bool seen; uint8_t counter; unsigned refused_in_row; 
 typedef struct gv_session {
   gv_session_config cfg;
   gv_engine *engine;
+  uint64_t steps_before;   // of the engines before this one
   gv_safety safety;
   gv_limiter limiter;
   gv_frame_counters frames;
@@ -76,12 +77,19 @@ typedef struct gv_session {
 
 void gv_session_init(gv_session *session, const gv_session_config *cfg, gv_engine *engine);
 
+// Goes on with another engine (another scene): counters, streams and the largest forces stay; devices are waited for
+// anew, and the dead-man switch must be let go before it can arm.
+// steps_before: gv_session_steps with the engine before.
+void gv_session_change_engine(gv_session *session, gv_engine *engine, uint64_t steps_before);
+// Steps of all engines so far.
+int64_t gv_session_steps(const gv_session *session);
+
 // One period at now_ns with the frames that came since the last one, and the number of periods that the
 // loop had to skip before it. Always writes the command. Cost: the engine's step and below 2 us.
 void gv_session_step(gv_session *session, int64_t now_ns, const gv_frame *frame, int count,
                      unsigned periods_skipped, gv_frame *out_command);
 
-// Reset, coupling, friction or disarm, between two steps. False: not now (a force may flow), nothing has changed.
+// Reset, scene (whether it may be changed now: the caller does it), coupling, friction or disarm, between two steps. False: not now (a force may flow), nothing has changed.
 bool gv_session_request(gv_session *session, const gv_request *request);
 
 // One period of ending: no engine step, forces ramp to zero. Returns true when the command carries none any more.

@@ -48,7 +48,7 @@ static void empty_rings(gv_loop *loop, gv_telemetry *telemetry, gv_recorder *rec
 
 void gv_slow_run(gv_loop *loop, gv_telemetry *telemetry, gv_recorder *recorder, gv_view *view) {
   const struct timespec pause = {0, SLEEP_NS};
-  bool reported = false;
+  bool reported = loop->starts > 1;
   while (gv_loop_running(loop)) {
     report_refusals(loop, &reported);
     empty_rings(loop, telemetry, recorder, view);

@@ -41,7 +41,7 @@ static void fill_devices(const gv_session *session, gv_snapshot *out) {
 
 void gv_snapshot_fill(const gv_session *session, int object_count, gv_snapshot *out) {
   out->counters = *gv_engine_counters(session->engine);
-  out->step = (int64_t)out->counters.steps;
+  out->step = gv_session_steps(session);
   out->limb_coupling = gv_engine_config(session->engine)->limb;
   out->palm_coupling = gv_engine_config(session->engine)->palm;
   out->mu_hand = gv_engine_config(session->engine)->mu_hand;
@@ -61,7 +61,7 @@ void gv_snapshot_fill(const gv_session *session, int object_count, gv_snapshot *
 
 void gv_step_record_fill(const gv_session *session, int64_t now_ns, const gv_frame *frame, int count, gv_step_record *out) {
   const gv_contact *contact = gv_engine_contacts(session->engine, &out->contacts);
-  out->step = (int64_t)gv_engine_counters(session->engine)->steps;
+  out->step = gv_session_steps(session);
   out->now_ns = now_ns;
   out->safety = session->safety.state;
   out->events = session->result.events;
@@ -92,7 +92,7 @@ static const char *engine_event_text(uint32_t bit) {
 
 static void request_text(uint32_t bits, char out[GV_RECORD_TEXT]) {
   const int kind = (int)(bits & 0xff);
-  const char *why = kind == GV_REQUEST_RESET ? "not while a force may flow; disarm first" : "out of range with the values configured";
+  const char *why = kind == GV_REQUEST_RESET || kind == GV_REQUEST_SCENE ? "not while a force may flow; disarm first" : "out of range with the values configured";
   const bool refused = (bits & GV_RECORD_REFUSED) != 0;
   snprintf(out, GV_RECORD_TEXT, "command %s: %s%s", gv_request_name(kind), refused ? "refused: " : "done", refused ? why : "");
 }

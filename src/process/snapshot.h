@@ -18,7 +18,7 @@ typedef struct gv_snapshot_object {
 
 // About 29 kB full; only the used part of object[], contact[] and polygon[] is written.
 typedef struct gv_snapshot {
-  int64_t step;                 // engine steps so far
+  int64_t step;                 // engine steps so far, of all scenes
   double time_s;                // step number x period
   int64_t utime;                // us since 1970: wall clock at the loop's start + session time since then
   gv_safety_state safety;

@@ -38,7 +38,7 @@ static void put_quantiles(FILE *out, const char *key, const gv_histogram *histog
 
 static void put_engine(FILE *out, const gv_session *session) {
   const gv_counters *c = gv_engine_counters(session->engine);
-  fprintf(out, "  \"steps\": %" PRIu64 ",\n  \"state_hash\": \"%016" PRIx64 "\",\n", c->steps, gv_engine_hash(session->engine));
+  fprintf(out, "  \"steps\": %" PRId64 ",\n  \"state_hash\": \"%016" PRIx64 "\",\n", gv_session_steps(session), gv_engine_hash(session->engine));
   fprintf(out, "  \"contacts_max\": %" PRIu32 ",\n  \"contacts_dropped\": %" PRIu64 ",\n", c->contacts_max, c->contacts_dropped);
   fputs("  \"depth_max_m\": ", out);
   put_number(out, c->depth_max_m);
@@ -125,7 +125,7 @@ void gv_summary_print(const gv_summary *s, FILE *out) {
   const gv_session *session = loop->session;
   const gv_counters *c = gv_engine_counters(session->engine);
   const gv_quantiles step = gv_histogram_quantiles(&loop->step), wake = gv_histogram_quantiles(&loop->wake);
-  fprintf(out, "gloved: %s: %" PRIu64 " steps of %g ms; ended (%s) with the safety machine in %s%s%s\n", s->title, c->steps,
+  fprintf(out, "gloved: %s: %" PRId64 " steps of %g ms; ended (%s) with the safety machine in %s%s%s\n", s->title, gv_session_steps(session),
           session->cfg.period_s * 1e3, gv_exit_name(s->reason), gv_safety_name(loop->state_before_stop),
           session->faults_seen ? "; faults on the way: " : "", session->faults_seen ? gv_fault_text(session->faults_seen) : "");
   print_objects(s, out);

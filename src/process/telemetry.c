@@ -31,7 +31,7 @@ enum { MESSAGE_MAX = 64000, DRAW_US = 50000, LOAD_US = 1000000, STATS_US = 10000
 enum { BATCH_STEPS = 100, BATCH_BYTES = 60000, STEP_BYTES = 86, FRAME_BYTES = 14 };
 // What is known of a command before its text: fingerprint, utime, kind, value, length of the text.
 enum { COMMAND_HEAD = 8 + 8 + 1 + 8 + 4, COMMAND_TEXT_AT = COMMAND_HEAD - 4 };
-enum { EVENT_COMMAND = GV_RECORD_REQUEST, COMMANDS_A_PASS = 32 };
+enum { EVENT_COMMAND = GV_RECORD_REQUEST, COMMANDS_A_PASS = 32, ANSWER_TEXT = 600 };
 _Static_assert(1200 + GV_LIMBS * 160 + GV_MAX_OBJECTS * (4 + GV_MAX_NAME + 1 + 104) + GV_MAX_CONTACTS * 92 + GV_MAX_POLYGONS * 48 < MESSAGE_MAX,
                "GLOVED_STATE does not fit its buffer");
 _Static_assert(GV_DRAKE_LINKS * 56 + GV_DRAKE_LINKS * 16 + 4 * GV_DRAKE_NUMBERS < MESSAGE_MAX,
@@ -70,6 +70,9 @@ struct gv_telemetry {
   const gv_scene *scene;
   const gv_arena *arena;
   const atomic_bool *give_up;
+  const gv_hand_model *hand;
+  const char *(*load_scene)(void *user, const char *file);
+  void *user;
   gv_loop *loop;             // null: not attached yet
   bool trace_asked;          // by command
   bool listens;              // to commands
@@ -379,7 +382,7 @@ static void send_event(gv_telemetry *telemetry, const gloved_event_t *event) {
 // The answer to a command that does not reach the loop.
 static void answer(gv_telemetry *telemetry, int kind, const char *refusal) {
   struct timespec now;
-  char text[GV_RECORD_TEXT];
+  char text[ANSWER_TEXT];
   clock_gettime(CLOCK_REALTIME, &now);
   snprintf(text, sizeof text, "command %s: %s%s", gv_request_name(kind), refusal ? "refused: " : "done", refusal ? refusal : "");
   telemetry->commands_refused += refusal ? 1 : 0;
@@ -419,6 +422,21 @@ static const char *pass_on(gv_telemetry *telemetry, const gv_request *request) {
   return NULL;
 }
 
+// Loaded here, so that a bad file changes nothing; the loop decides whether the moment fits, and ends for it. Loading
+// may take a second for a large scene, in which snapshots are lost.
+static const char *ask_for_scene(gv_telemetry *telemetry, const gv_request *request) {
+  const int state = telemetry->state.safety_state;
+  if (!telemetry->load_scene) return "a scene is chosen at the start; start gloved with --scene";
+  if (atomic_load(&telemetry->loop->scene_asked)) return "another scene is coming; wait for it";
+  if (state == GV_SAFETY_ARMED || state == GV_SAFETY_ACTIVE) return "not while a force may flow; disarm first";
+  const char *refusal = telemetry->load_scene(telemetry->user, request->text);
+  if (refusal) return refusal;
+  atomic_store(&telemetry->loop->scene_asked, true);
+  refusal = pass_on(telemetry, request);
+  if (refusal) atomic_store(&telemetry->loop->scene_asked, false);
+  return refusal;
+}
+
 // Those for the loop are answered by the loop, when they are done.
 static void obey(gv_telemetry *telemetry, const gv_request *request) {
   const char *refusal = NULL;
@@ -435,7 +453,10 @@ static void obey(gv_telemetry *telemetry, const gv_request *request) {
     case GV_REQUEST_RESET: case GV_REQUEST_COUPLING: case GV_REQUEST_FRICTION: case GV_REQUEST_DISARM:
       if (!(refusal = pass_on(telemetry, request))) return;
       break;
-    case GV_REQUEST_SCENE: case GV_REQUEST_KINDS: return; // refused by gv_request_check
+    case GV_REQUEST_SCENE:
+      if (!(refusal = ask_for_scene(telemetry, request))) return;
+      break;
+    case GV_REQUEST_KINDS: return; // refused by gv_request_check
   }
   answer(telemetry, (int)request->kind, refusal);
 }
@@ -513,6 +534,12 @@ static void point_into(gv_telemetry *telemetry) {
   }
 }
 
+static void take_scene(gv_telemetry *telemetry) {
+  point_into(telemetry);
+  gv_drake_init(&telemetry->viewer.drake, telemetry->hand, telemetry->scene);
+  point_viewer(&telemetry->viewer);
+}
+
 // lcm_create with its own messages kept off standard error: there is one line for one error, and it is ours.
 // Subscribing starts LCM's receiving thread, which inherits the priority: this must come before the loop's.
 static lcm_t *create_quietly(const char *url, gv_telemetry *telemetry) {
@@ -542,9 +569,10 @@ gv_telemetry *gv_telemetry_open(const gv_telemetry_config *cfg, char *err, size_
   telemetry.scene = cfg->scene;
   telemetry.arena = cfg->arena;
   telemetry.give_up = cfg->give_up;
-  point_into(&telemetry);
-  gv_drake_init(&telemetry.viewer.drake, cfg->hand, cfg->scene);
-  point_viewer(&telemetry.viewer);
+  telemetry.hand = cfg->hand;
+  telemetry.load_scene = cfg->load_scene;
+  telemetry.user = cfg->user;
+  take_scene(&telemetry);
   *err = '\0';
   if (cfg->log_path && !(telemetry.log = lcm_eventlog_create(cfg->log_path, "w"))) {
     snprintf(err, err_size, "%s: the log file cannot be written; choose another place for --log", cfg->log_path);
@@ -561,6 +589,13 @@ gv_telemetry *gv_telemetry_open(const gv_telemetry_config *cfg, char *err, size_
 void gv_telemetry_attach(gv_telemetry *telemetry, gv_loop *loop) {
   telemetry->loop = loop;
   want_trace(telemetry);
+}
+
+void gv_telemetry_change_scene(gv_telemetry *telemetry) {
+  send_batch(telemetry);
+  take_scene(telemetry);
+  telemetry->viewer.next_load_us = 0;
+  answer(telemetry, GV_REQUEST_SCENE, NULL);
 }
 
 uint64_t gv_telemetry_failed(const gv_telemetry *telemetry) { return telemetry->failed; }

@@ -18,6 +18,9 @@ typedef struct gv_telemetry_config {
   const gv_scene *scene;       // must outlive the telemetry
   const gv_hand_model *hand;   // drawn
   const gv_arena *arena;       // its figures are published; must outlive the telemetry
+  // Loads the scene in this file beside the loop. Null, or why not and what to do. Null here: no scene by command.
+  const char *(*load_scene)(void *user, const char *file);
+  void *user;                  // of load_scene
   const atomic_bool *give_up;  // from when on nothing is sent any more (the log goes on)
 } gv_telemetry_config;
 
@@ -27,6 +30,8 @@ typedef struct gv_telemetry_config {
 gv_telemetry *gv_telemetry_open(const gv_telemetry_config *cfg, char *err, size_t err_size);
 // Before the loop starts: it is the one that commands are for. A log wants every step from the first.
 void gv_telemetry_attach(gv_telemetry *telemetry, gv_loop *loop);
+// The scene given to gv_telemetry_open has other objects now; answers the command that asked for it. Before the loop goes on.
+void gv_telemetry_change_scene(gv_telemetry *telemetry);
 // GLOVED_STATE, and when it is time GLOVED_STATS and the viewer's messages. Encodes into a static buffer; may
 // block as long as the network does (130 ms were seen).
 void gv_telemetry_snapshot(gv_telemetry *telemetry, const gv_snapshot *snapshot);

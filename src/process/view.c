@@ -117,6 +117,8 @@ void gv_view_open(gv_view *view, const char *title, const gv_scene *scene, doubl
   if (!quiet && view->terminal) fputs("\033[?25l\033[?7l\033[2J", stdout); // hide the cursor, cut long lines, clear
 }
 
+void gv_view_change_scene(gv_view *view) { view->screens = 0; }
+
 void gv_view_record(gv_view *view, const gv_record *record) {
   char text[GV_RECORD_TEXT];
   gv_record_text(record, text);

@@ -27,6 +27,8 @@ typedef struct gv_view {
 
 // `title`: what is running, a few words; must outlive the view. force_max_n: the limiter's maximum.
 void gv_view_open(gv_view *view, const char *title, const gv_scene *scene, double force_max_n, bool quiet);
+// The scene given to gv_view_open has other objects now.
+void gv_view_change_scene(gv_view *view);
 void gv_view_record(gv_view *view, const gv_record *record);
 // Draws when it is time; now_ns of CLOCK_MONOTONIC.
 void gv_view_snapshot(gv_view *view, int64_t now_ns, const gv_loop *loop, const gv_snapshot *snapshot);
