@@ -132,7 +132,7 @@ def calibrate_refuses():
 
 
 def calibrate_a_bare_glove_with_18_sensors():
-    sim, out = Sim("cyberglove", "--sensors", "18", "--script", path("fast.user", FAST)), path("bare.cal")
+    sim, out = Sim("cyberglove", "--sensors", "18", "--script", path("bare.user", FAST)), path("bare.cal")
     result = run(CALIBRATE, "--fcu", f"serial:{sim.link}?type=cyberglove", "--auto", "--out", out)
     assert result.returncode == 0, result
     sim.end()
