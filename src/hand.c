@@ -78,125 +78,120 @@ double gv_calibration_raw(const gv_calibration *cal, int sensor, double angle_ra
   return r[0] + (angle_rad - a[0]) * (r[1] - r[0]) / (a[1] - a[0]);
 }
 
-double gv_hand_half_length(const gv_hand_model *model, int limb) {
-  int finger = limb / 3, segment = limb % 3;
+static double half_length(const gv_hand_model *model, int finger, int segment) {
   double length = model->segment_m[finger][segment];
   if (segment == 2) length -= model->radius_m[finger][2];  // the cap ends at the fingertip
   return length > 0.0 ? 0.5 * length : 0.0;
 }
 
-static gv_quat turn_x(double a) { return gv_quat_axis_angle(gv_v3(1, 0, 0), a); }
-static gv_quat turn_y(double a) { return gv_quat_axis_angle(gv_v3(0, 1, 0), a); }
-static gv_quat turn_z(double a) { return gv_quat_axis_angle(gv_v3(0, 0, 1), a); }
+double gv_hand_half_length(const gv_hand_model *model, int limb) { return half_length(model, limb / 3, limb % 3); }
 
-// Unit quaternion of the rotation with the orthonormal columns x, y, z (w is not near 0 for the thumb).
-static gv_quat quat_from_axes(gv_vec3 x, gv_vec3 y, gv_vec3 z) {
-  double w = 0.5 * sqrt(fmax(0.0, 1.0 + x.x + y.y + z.z));
-  return gv_quat_normalize((gv_quat){w, (y.z - z.y) / (4 * w), (z.x - x.z) / (4 * w), (x.y - y.x) / (4 * w)});
+// Cosine and sine of half an angle: what a quaternion needs of a turn.
+typedef struct turn { double c, s; } turn;
+
+static turn half_turn(double angle_rad) {
+  turn t;
+  gv_sincos(0.5 * angle_rad, &t.s, &t.c);
+  return t;
 }
 
-// The thumb's metacarpal in the hand frame at abduction THUMB_OPPOSED_RAD and no flexion: it points
-// palmar (x) and bends towards the finger pads (-z).
-static gv_quat thumb_opposed(void) {
-  gv_vec3 x = gv_normalize_or(gv_v3(0.30, 0.08, -0.95), gv_v3(0, 0, -1));
-  gv_vec3 pad = gv_v3(0.87, -0.42, 0.24);
-  gv_vec3 z = gv_neg(gv_normalize_or(gv_mad(pad, -gv_dot(pad, x), x), gv_v3(1, 0, 0)));
-  return quat_from_axes(x, gv_cross(z, x), z);
+static turn add_turns(turn a, turn b) { return (turn){a.c * b.c - a.s * b.s, a.s * b.c + a.c * b.s}; }
+
+// q, then a turn about its own y or z.
+static gv_quat turned_y(gv_quat q, turn t) {
+  return (gv_quat){q.w * t.c - q.y * t.s, q.x * t.c - q.z * t.s, q.y * t.c + q.w * t.s, q.z * t.c + q.x * t.s};
+}
+static gv_quat turned_z(gv_quat q, turn t) {
+  return (gv_quat){q.w * t.c - q.z * t.s, q.x * t.c + q.y * t.s, q.y * t.c - q.x * t.s, q.z * t.c + q.w * t.s};
 }
 
-typedef struct chain {
-  gv_pose *limb;          // [16] in the hand frame; may be null
-  gv_joint_axis *joint;   // [22] in the hand frame; may be null
-} chain;
+// The thumb's metacarpal in the hand frame at abduction THUMB_OPPOSED_RAD and no flexion: x points along (0.30, 0.08,
+// -0.95), palmar, and z away from the finger pads, which lie towards (0.87, -0.42, 0.24) (test_hand.c works it out).
+static const gv_quat thumb_opposed = {0.19781653199797011, -0.7816336659799441, 0.096498539168966363, 0.5836141394905584};
 
-static void put_joint(chain *c, int sensor, gv_vec3 p, gv_vec3 axis, uint32_t limbs) {
-  if (c->joint) c->joint[sensor] = (gv_joint_axis){p, axis, limbs};
-}
-
-// One finger: flexion about y at three joints, starting in frame T (x along the proximal bone when straight).
-static void finger_chain(const gv_hand_model *m, int finger, gv_pose T, const int sensor[3], const double *angle, chain *c) {
-  for (int s = 0; s < 3; s++) {
-    int limb = 3 * finger + s;
-    uint32_t moved = (7u << s & 7u) << (3 * finger);
-    put_joint(c, sensor[s], T.p, gv_rotate(T.q, gv_v3(0, 1, 0)), moved);
-    T.q = gv_quat_mul(T.q, turn_y(angle[sensor[s]]));
-    if (c->limb) c->limb[limb] = (gv_pose){T.q, gv_transform(T, gv_v3(gv_hand_half_length(m, limb), 0, 0))};
-    T.p = gv_transform(T, gv_v3(m->segment_m[finger][s], 0, 0));
-  }
-}
-
-static void thumb_chain(const gv_hand_model *m, const double *angle, chain *c) {
-  static const int sensor[3] = {GV_THUMB_ROTATE, GV_THUMB_MPJ, GV_THUMB_IJ};
-  gv_quat opposed = thumb_opposed();
-  put_joint(c, GV_THUMB_ABDUCTION, m->base_m[0], gv_rotate(opposed, gv_v3(0, 0, 1)), 7u);
-  gv_quat q = gv_quat_mul(opposed, turn_z(angle[GV_THUMB_ABDUCTION] - THUMB_OPPOSED_RAD));
-  finger_chain(m, 0, (gv_pose){q, m->base_m[0]}, sensor, angle, c);
-}
-
-// Index to little: palm arch turns the ring's base by half and the little's whole about x; the abduction
-// sensors measure neighbours against each other, the middle finger being straight.
-static void finger_chains(const gv_hand_model *m, const double *angle, chain *c) {
-  static const int sensor[GV_FINGERS][3] = {{0, 0, 0},
-    {GV_INDEX_MPJ, GV_INDEX_PIJ, GV_INDEX_DIJ}, {GV_MIDDLE_MPJ, GV_MIDDLE_PIJ, GV_MIDDLE_DIJ},
-    {GV_RING_MPJ, GV_RING_PIJ, GV_RING_DIJ}, {GV_LITTLE_MPJ, GV_LITTLE_PIJ, GV_LITTLE_DIJ}};
+// What each finger stands on, in the hand frame of the right hand: where it starts, and its x and z when straight.
+// Index to little: palm arch turns the ring's base by half and the little's whole about x; the abduction sensors
+// measure neighbours against each other, the middle finger being straight.
+static void find_roots(const gv_hand_model *m, const double *angle, gv_pose root[GV_FINGERS]) {
   const double ring = -angle[GV_RING_MIDDLE_ABDUCTION];
-  const double spread[GV_FINGERS] = {0, angle[GV_MIDDLE_INDEX_ABDUCTION], 0, ring, ring - angle[GV_LITTLE_RING_ABDUCTION]};
-  const double arch[GV_FINGERS] = {0, 0, 0, 0.5 * angle[GV_PALM_ARCH], angle[GV_PALM_ARCH]};
-  for (int f = 1; f < GV_FINGERS; f++) {
-    gv_quat base = turn_x(arch[f]);
-    gv_pose T = {gv_quat_mul(base, turn_z(spread[f])), gv_rotate(base, m->base_m[f])};
-    gv_vec3 up = gv_rotate(base, gv_v3(0, 0, 1));
-    if (f == 1) put_joint(c, GV_MIDDLE_INDEX_ABDUCTION, T.p, up, 7u << 3);
-    if (f == 3) put_joint(c, GV_RING_MIDDLE_ABDUCTION, T.p, gv_neg(up), 7u << 9);
-    if (f == 4) put_joint(c, GV_LITTLE_RING_ABDUCTION, T.p, gv_neg(up), 7u << 12);
-    finger_chain(m, f, T, sensor[f], angle, c);
-  }
-  put_joint(c, GV_PALM_ARCH, gv_v3(0, 0, 0), gv_v3(1, 0, 0), 63u << 9);
+  const turn half_arch = half_turn(0.5 * angle[GV_PALM_ARCH]), arch = add_turns(half_arch, half_arch);
+  const gv_quat none = gv_quat_identity(), at_ring = {half_arch.c, half_arch.s, 0, 0}, at_little = {arch.c, arch.s, 0, 0};
+  root[0] = (gv_pose){turned_z(thumb_opposed, half_turn(angle[GV_THUMB_ABDUCTION] - THUMB_OPPOSED_RAD)), m->base_m[0]};
+  root[1] = (gv_pose){turned_z(none, half_turn(angle[GV_MIDDLE_INDEX_ABDUCTION])), m->base_m[1]};
+  root[2] = (gv_pose){none, m->base_m[2]};
+  root[3] = (gv_pose){turned_z(at_ring, half_turn(ring)), gv_rotate(at_ring, m->base_m[3])};
+  root[4] = (gv_pose){turned_z(at_little, half_turn(ring - angle[GV_LITTLE_RING_ABDUCTION])), gv_rotate(at_little, m->base_m[4])};
 }
 
 // The hand frame: the wrist's after pitch (flexion) and yaw (towards the thumb).
 static gv_pose hand_frame(const gv_pose *T_world_wrist, const double *angle, bool left) {
   double yaw = left ? -angle[GV_WRIST_YAW] : angle[GV_WRIST_YAW];
-  gv_quat q = gv_quat_mul(turn_y(angle[GV_WRIST_PITCH]), turn_z(yaw));
-  return (gv_pose){gv_quat_mul(T_world_wrist->q, q), T_world_wrist->p};
+  gv_quat q = turned_z(turned_y(T_world_wrist->q, half_turn(angle[GV_WRIST_PITCH])), half_turn(yaw));
+  return (gv_pose){gv_quat_normalize(q), T_world_wrist->p};
 }
 
-// Mirror image in y: of a point, of a rotation, of an axis of rotation.
-static gv_vec3 mirror_point(gv_vec3 p) { return gv_v3(p.x, -p.y, p.z); }
-static gv_quat mirror_turn(gv_quat q) { return (gv_quat){q.w, -q.x, q.y, -q.z}; }
-static gv_vec3 mirror_axis(gv_vec3 a) { return gv_v3(-a.x, a.y, -a.z); }
+// Mirror image in y. A turn about y is its own image.
+static gv_vec3 mirror(gv_vec3 p) { return gv_v3(p.x, -p.y, p.z); }
+static gv_pose mirror_pose(gv_pose T) { return (gv_pose){{T.q.w, -T.q.x, T.q.y, -T.q.z}, mirror(T.p)}; }
 
-static void place_limbs(const gv_hand_model *model, gv_pose T, bool left, gv_pose limb[GV_LIMBS]) {
-  limb[GV_LIMB_PALM] = (gv_pose){gv_quat_identity(), model->palm_center_m};
-  for (int i = 0; i < GV_LIMBS; i++) {
-    if (left) limb[i] = (gv_pose){mirror_turn(limb[i].q), mirror_point(limb[i].p)};
-    limb[i] = gv_pose_mul(T, limb[i]);
-    limb[i].q = gv_quat_normalize(limb[i].q);
+typedef struct chain {
+  gv_pose *limb;          // [16]; may be null
+  gv_joint_axis *joint;   // [22]; may be null
+} chain;
+
+static void put_joint(const chain *c, int sensor, gv_vec3 p, gv_vec3 axis, uint32_t limbs) {
+  if (c->joint) c->joint[sensor] = (gv_joint_axis){p, axis, limbs};
+}
+
+static gv_vec3 column(const gv_mat3 *R, int k) { return gv_v3(R->m[0][k], R->m[1][k], R->m[2][k]); }
+
+// A finger bends about the y of its root alone, so it lies in the plane of the root's x and z, and its bones' turns add up.
+static void put_finger(const gv_hand_model *m, int finger, const gv_pose *root, const gv_mat3 *R, const double *angle, const chain *c) {
+  static const int flexion[GV_FINGERS][3] = {
+    {GV_THUMB_ROTATE, GV_THUMB_MPJ, GV_THUMB_IJ}, {GV_INDEX_MPJ, GV_INDEX_PIJ, GV_INDEX_DIJ},
+    {GV_MIDDLE_MPJ, GV_MIDDLE_PIJ, GV_MIDDLE_DIJ}, {GV_RING_MPJ, GV_RING_PIJ, GV_RING_DIJ},
+    {GV_LITTLE_MPJ, GV_LITTLE_PIJ, GV_LITTLE_DIJ}};
+  const gv_vec3 x = column(R, 0), y = column(R, 1), z = column(R, 2);
+  gv_vec3 p = root->p;
+  turn bent = {1, 0};
+  for (int s = 0; s < 3; s++) {
+    put_joint(c, flexion[finger][s], p, y, (7u << s & 7u) << (3 * finger));
+    bent = add_turns(bent, half_turn(angle[flexion[finger][s]]));
+    turn whole = add_turns(bent, bent);
+    gv_vec3 along = gv_mad(gv_scale(x, whole.c), -whole.s, z);
+    if (c->limb) c->limb[3 * finger + s] = (gv_pose){turned_y(root->q, bent), gv_mad(p, half_length(m, finger, s), along)};
+    p = gv_mad(p, m->segment_m[finger][s], along);
   }
 }
 
-static void place_joints(const gv_pose *T_world_wrist, gv_pose T, bool left, gv_joint_axis out_joint[GV_SENSORS]) {
-  gv_quat unturn = gv_quat_conj(gv_quat_mul(gv_quat_conj(T_world_wrist->q), T.q));
-  out_joint[GV_WRIST_PITCH] = (gv_joint_axis){{0, 0, 0}, gv_rotate(unturn, gv_v3(0, 1, 0)), 0xffffu};
-  out_joint[GV_WRIST_YAW] = (gv_joint_axis){{0, 0, 0}, gv_v3(0, 0, 1), 0xffffu};
-  for (int i = 0; i < GV_SENSORS; i++) {
-    gv_joint_axis *j = &out_joint[i];
-    bool wrist_pitch = i == GV_WRIST_PITCH;  // already in the true (unmirrored) hand frame
-    if (left) { j->p_world = mirror_point(j->p_world); if (!wrist_pitch) j->axis_world = mirror_axis(j->axis_world); }
-    j->p_world = gv_transform(T, j->p_world);
-    j->axis_world = gv_rotate(T.q, j->axis_world);
+static void put_fingers(const gv_hand_model *m, gv_pose T, const gv_mat3 *R_hand, const double *angle, const chain *c) {
+  static const int abduction[GV_FINGERS] = {
+    GV_THUMB_ABDUCTION, GV_MIDDLE_INDEX_ABDUCTION, -1, GV_RING_MIDDLE_ABDUCTION, GV_LITTLE_RING_ABDUCTION};
+  const bool left = m->side == GV_LEFT;
+  gv_pose root[GV_FINGERS];
+  find_roots(m, angle, root);
+  for (int f = 0; f < GV_FINGERS; f++) {
+    if (left) root[f] = mirror_pose(root[f]);
+    root[f] = (gv_pose){gv_quat_mul(T.q, root[f].q), gv_add(T.p, gv_mat3_mul(R_hand, root[f].p))};
+    gv_mat3 R = gv_mat3_from_quat(root[f].q);
+    gv_vec3 up = column(&R, 2);  // ring and little spread the other way; so does a left hand
+    if (abduction[f] >= 0) put_joint(c, abduction[f], root[f].p, (f > 2) != left ? gv_neg(up) : up, 7u << (3 * f));
+    put_finger(m, f, &root[f], &R, angle, c);
   }
 }
 
 void gv_hand_pose(const gv_hand_model *model, const gv_pose *T_world_wrist, const double angle_rad[GV_SENSORS],
                   gv_pose out_T_world_limb[GV_LIMBS], gv_joint_axis out_joint[GV_SENSORS]) {
-  bool left = model->side == GV_LEFT;
-  chain c = {out_T_world_limb, out_joint};
-  gv_pose T = hand_frame(T_world_wrist, angle_rad, left);
-  thumb_chain(model, angle_rad, &c);
-  finger_chains(model, angle_rad, &c);
-  if (out_T_world_limb) place_limbs(model, T, left, out_T_world_limb);
-  if (out_joint) place_joints(T_world_wrist, T, left, out_joint);
+  const bool left = model->side == GV_LEFT;
+  const chain c = {out_T_world_limb, out_joint};
+  const gv_pose T = hand_frame(T_world_wrist, angle_rad, left);
+  const gv_mat3 R = gv_mat3_from_quat(T.q);
+  const gv_vec3 x = column(&R, 0), z = column(&R, 2), palm = left ? mirror(model->palm_center_m) : model->palm_center_m;
+  put_fingers(model, T, &R, angle_rad, &c);
+  put_joint(&c, GV_PALM_ARCH, T.p, left ? gv_neg(x) : x, 63u << 9);
+  put_joint(&c, GV_WRIST_PITCH, T.p, gv_rotate(T_world_wrist->q, gv_v3(0, 1, 0)), 0xffffu);
+  put_joint(&c, GV_WRIST_YAW, T.p, left ? gv_neg(z) : z, 0xffffu);
+  if (out_T_world_limb) out_T_world_limb[GV_LIMB_PALM] = (gv_pose){T.q, gv_add(T.p, gv_mat3_mul(&R, palm))};
 }
 
 void gv_hand_frames(const gv_hand_model *model, const gv_pose *T_world_wrist, const double angle_rad[GV_SENSORS],

@@ -30,6 +30,11 @@ static double cos_poly(double x) {
 }
 
 void gv_sincos(double angle_rad, double *out_sin, double *out_cos) {
+  if (fabs(angle_rad) < 0.785) {  // as below with n = 0
+    *out_sin = sin_poly(angle_rad);
+    *out_cos = cos_poly(angle_rad);
+    return;
+  }
   // Cody-Waite: pi/2 in three parts, the first two with trailing zeros, so n * part is exact.
   const double part1 = 1.57079632673412561417e+00, part2 = 6.07710050630396597660e-11,
                part3 = 2.02226624879595063154e-21;

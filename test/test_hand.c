@@ -56,6 +56,20 @@ static void test_bent_finger_points_to_the_palm(void) {
   CHECK_NEAR(p.z, -0.0403, 1e-12);
 }
 
+// The straight thumb at 45 degrees of abduction points along x and bends towards the finger pads, square to x.
+static void test_opposed_thumb(void) {
+  gv_hand_model m = gv_hand_model_default(GV_RIGHT);
+  gv_pose wrist = gv_pose_identity(), T[GV_LIMBS];
+  double angle[GV_SENSORS] = {[GV_THUMB_ABDUCTION] = 0.25 * GV_PI};
+  gv_hand_frames(&m, &wrist, angle, T);
+  gv_vec3 x = gv_normalize_or(gv_v3(0.30, 0.08, -0.95), gv_v3(1, 0, 0)), pads = gv_v3(0.87, -0.42, 0.24);
+  gv_vec3 z = gv_neg(gv_normalize_or(gv_mad(pads, -gv_dot(pads, x), x), gv_v3(1, 0, 0)));
+  for (int i = 0; i < 3; i++) {
+    CHECK(gv_norm(gv_sub(gv_rotate(T[i].q, gv_v3(1, 0, 0)), x)) < 1e-15, "bone %d", i);
+    CHECK(gv_norm(gv_sub(gv_rotate(T[i].q, gv_v3(0, 0, 1)), z)) < 1e-15, "back of bone %d", i);
+  }
+}
+
 // The palm hollows: the little finger's base goes palmar, the ring's half as far, the index stays.
 static void test_palm_arch_and_spread(void) {
   gv_hand_model m = gv_hand_model_default(GV_RIGHT);
@@ -130,6 +144,7 @@ int main(void) {
   RUN(test_rotation_maps_invert);
   RUN(test_straight_hand);
   RUN(test_bent_finger_points_to_the_palm);
+  RUN(test_opposed_thumb);
   RUN(test_palm_arch_and_spread);
   RUN(test_left_is_the_mirror_image);
   RUN(test_joint_axes_are_the_jacobian);
