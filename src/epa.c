@@ -27,6 +27,7 @@ typedef struct search {
   int count;              // of w
   double size;            // largest |w| of the seeds, metres
   double best;            // least h so far
+  double unproved;        // least offset of a face that could not grow, though there was something beyond it
   gv_vec3 best_normal;
 } search;
 
@@ -115,7 +116,10 @@ static bool grow_at(search *s, int f) {
   if (h < s->best) s->best = h, s->best_normal = P->face[f].normal;
   if (h - offset <= P->tolerance) return false;
   s->count++;
-  if (!gv_polytope_add(P, (uint16_t)(s->count - 1), f)) P->face[f].offset = h;  // final: as close as rounding allows
+  if (!gv_polytope_add(P, (uint16_t)(s->count - 1), f)) {  // final: as close as rounding allows
+    P->face[f].offset = h;
+    s->unproved = fmin(s->unproved, offset);
+  }
   return true;
 }
 
@@ -130,7 +134,7 @@ static double expand(search *s, int *io_iterations) {
     if (lower > 0) P->least_offset = lower - 1e-10 * s->size;  // the ball of that radius is inside already
     if (!grow_at(s, f)) break;
   }
-  return fmin(lower, s->best);
+  return fmin(fmin(lower, s->unproved), s->best);
 }
 
 // Where the bounds did not meet in time (round bodies almost concentric: every direction is about as good),
@@ -171,7 +175,7 @@ bool gv_epa_run(const gv_cso *cso, gv_vec3 guess, gv_epa_result *out) {
   ask_seeds(&s, guess);
   if (!start_polytope(&s)) return false;
   s.polytope.tolerance = 1e-12 * s.size;
-  s.best = HUGE_VAL;
+  s.best = s.unproved = HUGE_VAL;
   s.best_normal = guess;
   add_seeds(&s);
   out->iterations = 0;

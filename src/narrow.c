@@ -3,7 +3,7 @@
 // GJK (Gilbert, Johnson, Keerthi 1988) on the obstacle B - A, in the frame of B
 // (narrow_simplex.c, over libccd); overlapping cores go to the expanding polytope (epa.c).
 // The spheres' radii are subtracted last, so that a contact in the margin costs no more than a distance.
-// Pure; any thread. At most GV_GJK_MAX_ITERATIONS + GV_EPA_MAX_ITERATIONS support evaluations and a sweep.
+// Pure; any thread. At most one GJK search, three of the polytope's and a sweep: each ends after a fixed number of steps.
 #include "narrow_simplex.h"
 
 // Cores nearer than this are treated as overlapping: the direction between two points that close is rounding.
@@ -85,25 +85,36 @@ static void take_overlap(const gv_epa_result *r, gv_narrow_method method, gv_dis
   out->normal_world = r->normal;
   out->on_a = r->on_a;
   out->method = method;
-  out->iterations += r->iterations;
 }
 
-// What the polytope found, where its bounds met; else the faces may know better.
+static bool has_met(const gv_epa_result *r) { return r->depth - r->lower_bound <= 1e-6; }
+
+static bool is_better(const gv_epa_result *r, const gv_epa_result *best) {
+  return r->depth < best->depth + (has_met(r) ? touching : -touching);
+}
+
+// Where the polytope's bounds did not meet: once more around the best side so far, since rounding then falls
+// differently; if they still do not, the faces may know better.
 static void settle_depth(const gv_cso *cso, gv_vec3 guess, const gv_epa_result *found, gv_distance *out) {
-  gv_epa_result faces;
-  if (found && found->depth - found->lower_bound <= 1e-6) {
-    take_overlap(found, GV_NARROW_EPA, out);
-    return;
+  gv_epa_result best = *found, other;
+  gv_narrow_method method = GV_NARROW_EPA;
+  out->iterations += found->iterations;
+  if (!has_met(&best) && gv_epa_run(cso, best.normal, &other)) {
+    out->iterations += other.iterations;
+    if (is_better(&other, &best)) best = other;
   }
-  gv_epa_sweep_faces(cso, guess, &faces);
-  if (found && found->depth <= faces.depth) take_overlap(found, GV_NARROW_EPA, out);
-  else take_overlap(&faces, GV_NARROW_FACES, out);
+  if (!has_met(&best)) {
+    gv_epa_sweep_faces(cso, guess, &other);
+    out->iterations += other.iterations;
+    if (is_better(&other, &best)) best = other, method = GV_NARROW_FACES;
+  }
+  take_overlap(&best, method, out);
 }
 
 static void find_depth(const gv_cso *cso, gv_vec3 guess, gv_distance *out) {
   gv_epa_result r;
-  bool found = gv_epa_run(cso, guess, &r);
-  settle_depth(cso, guess, found ? &r : NULL, out);
+  if (!gv_epa_run(cso, guess, &r)) r = (gv_epa_result){.depth = HUGE_VAL, .normal = guess};
+  settle_depth(cso, guess, &r, out);
 }
 
 // A cached normal along which the cores overlap means that they most likely still do (a box at rest on a table):
@@ -111,8 +122,7 @@ static void find_depth(const gv_cso *cso, gv_vec3 guess, gv_distance *out) {
 static bool still_overlap(const gv_cso *cso, gv_vec3 *io_n, gv_distance *out) {
   gv_epa_result r;
   if (!gv_epa_run(cso, *io_n, &r)) return false;
-  bool met = r.depth - r.lower_bound <= 1e-6;
-  if (r.lower_bound >= (met ? -touching : touching)) {
+  if (r.lower_bound >= (has_met(&r) ? -touching : touching)) {
     settle_depth(cso, *io_n, &r, out);
     return true;
   }

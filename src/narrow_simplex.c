@@ -14,18 +14,29 @@ static void drop_corner(gv_simplex *s, int k) {
   s->p[k] = s->p[s->count];
 }
 
+static void swap_ends(gv_simplex *s) {
+  gv_cso_point p = s->p[0];
+  s->p[0] = s->p[1];
+  s->p[1] = p;
+}
+
 // Each solve_... finds the point nearest to the origin and keeps only the corners that carry it.
+// The nearer end comes first. However near to it the point is, the other end stays: between edges that almost touch
+// a step of 1e-15 m along the edge still turns the direction by radians. (libccd takes such a point for the end.)
 static gv_vec3 solve_segment(gv_simplex *s) {
+  if (gv_norm2(s->p[1].w) < gv_norm2(s->p[0].w)) swap_ends(s);
   gv_vec3 a = s->p[0].w, e = gv_sub(s->p[1].w, a);
-  ccd_vec3_t ca = ccd_from(a), cb = ccd_from(s->p[1].w), nearest;
-  ccdVec3PointSegmentDist2(ccd_vec3_origin, &ca, &cb, &nearest);
-  gv_vec3 v = gv_v3(nearest.v[0], nearest.v[1], nearest.v[2]);
-  double length2 = gv_norm2(e), t = length2 > 0 ? gv_dot(gv_sub(v, a), e) / length2 : 0;
+  double length2 = gv_norm2(e), t = length2 > 0 ? -gv_dot(a, e) / length2 : 0;
+  if (!(t > 0)) {
+    drop_corner(s, 1);
+    s->weight[0] = 1;
+    return a;
+  }
   s->weight[0] = 1 - t, s->weight[1] = t;
-  if (t > 1e-14 && t < 1 - 1e-14) return v;
-  drop_corner(s, t > 0.5 ? 0 : 1);
-  s->weight[0] = 1;
-  return s->p[0].w;
+  if (t < 1e-14) return gv_mad(a, t, e);
+  ccd_vec3_t from = ccd_from(a), to = ccd_from(s->p[1].w), nearest;
+  ccdVec3PointSegmentDist2(ccd_vec3_origin, &from, &to, &nearest);
+  return gv_v3(nearest.v[0], nearest.v[1], nearest.v[2]);
 }
 
 static gv_vec3 solve_edges(gv_simplex *s, const bool wanted[3]) {

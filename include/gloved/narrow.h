@@ -7,7 +7,7 @@
 // of iterations finds the depth; where that fails its own checks, the least of the face directions
 // bounds it. Nothing here allocates, loops without a bound, or returns a not-a-number for finite input.
 // Only nearly concentric balls of hundreds of vertices reach the bound: every direction is then about as good,
-// and the answer, a true h of a true side, is up to 0.4 mm above the least (at 60 mm depth).
+// and the answer, a true h of a true side, can be above the least.
 // Pure; any thread.
 #ifndef GLOVED_NARROW_H
 #define GLOVED_NARROW_H
@@ -37,9 +37,9 @@ typedef struct gv_distance {
 
 // Signed distance of A and B. Where it is larger than `max_distance` (metres, >= 0) the search may stop
 // early: method GV_NARROW_FAR, distance a lower bound above max_distance, and normal, points not set.
-// Within 1e-8 m of exact, but for 2 of 32 million poses, both deep inside each other (`make bench-accuracy`; DESIGN.md).
+// Within 1e-8 m of exact (`make bench-accuracy`; DESIGN.md).
 // Cost: 0.4 us (segment-box) to 3 us (two hulls of 1000 vertices) apart, 1 to 10 us overlapping, 0.1 ms at
-// worst (0.7 ms for the balls above); 0.15 us where the cached normal shows that they are far.
+// worst (1.2 ms for the balls above); 0.15 us where the cached normal shows that they are far.
 void gv_distance_pair(const gv_shape *a, const gv_pose *T_world_a, const gv_shape *b, const gv_pose *T_world_b,
                       double max_distance, gv_pair_cache *cache, gv_distance *out);
 
