@@ -19,6 +19,7 @@ typedef struct gv_core {  // a core (no sphere) placed in the frame of B
 
 typedef struct gv_cso {
   gv_core a, b;
+  gv_quat q_world_b;
   gv_pair_cache *cache;   // start vertices
 } gv_cso;
 
@@ -35,11 +36,24 @@ typedef struct gv_epa_result {
   int iterations;
 } gv_epa_result;
 
-gv_core gv_core_place(const gv_shape *shape, gv_pose T_b_shape, bool in_place);
-// A vertex by its number (of a segment or box: bit k is the sign along axis k), and the farthest along d.
-gv_vec3 gv_core_vertex(const gv_core *core, unsigned vertex);
+void gv_core_place(const gv_shape *shape, gv_pose T_b_shape, gv_core *out);
+void gv_core_in_place(const gv_shape *shape, gv_core *out);  // B itself
+// The core's vertex farthest along d, and how far that is in the shape's own frame.
 gv_vec3 gv_core_support(const gv_core *core, gv_vec3 d, uint16_t *hint);
+double gv_core_height(const gv_shape *shape, gv_vec3 d, uint16_t *hint);
 int gv_hull_support(const gv_hull *hull, gv_vec3 d, int start);
+
+// A vertex by its number (of a segment or box: bit k is the sign along axis k).
+static inline gv_vec3 gv_core_vertex(const gv_core *core, unsigned vertex) {
+  gv_vec3 p = core->center;
+  if (core->kind == GV_CORE_HULL) {
+    gv_vec3 v = core->hull->vertex[vertex];
+    return core->in_place ? v : gv_add(p, gv_mat3_mul(&core->R, v));
+  }
+  int axes = core->kind == GV_CORE_BOX ? 3 : 1;
+  for (int k = 0; k < axes; k++) p = vertex >> k & 1 ? gv_add(p, core->axis[k]) : gv_sub(p, core->axis[k]);
+  return p;
+}
 
 static inline bool gv_core_is_point(const gv_core *core) {  // a ball
   return core->kind == GV_CORE_HULL && core->hull->vertex_count == 1;

@@ -130,46 +130,73 @@ static bool still_overlap(const gv_cso *cso, gv_vec3 *io_n, gv_distance *out) {
   return false;
 }
 
-// Cores: frame of B, spheres left out. `cached`: the last normal, or zero.
-static void distance_of_cores(const gv_cso *cso, double limit, gv_vec3 cached, gv_distance *out) {
+static gv_vec3 usable_normal(gv_vec3 n) {
+  double length2 = gv_norm2(n);
+  return length2 > 0.5 && length2 < 2 ? gv_scale(n, 1.0 / sqrt(length2)) : gv_v3(0, 0, 0);
+}
+
+// The last normal, frame of B, or without one the direction between the centers.
+static gv_vec3 first_guess(const gv_cso *cso, bool *out_warm) {
+  gv_vec3 last = usable_normal(gv_rotate_inv(cso->q_world_b, cso->cache->normal_world));
+  *out_warm = gv_norm2(last) > 0.5;
+  return *out_warm ? last : gv_normalize_or(gv_sub(gv_core_center(&cso->a), gv_core_center(&cso->b)), gv_v3(0, 0, 1));
+}
+
+static void take_far(double limit, gv_vec3 n, gv_distance *out) {
+  out->method = GV_NARROW_FAR, out->distance = limit, out->normal_world = n;
+}
+
+// Cores: frame of B, spheres left out.
+static void distance_of_cores(const gv_cso *cso, double limit, gv_distance *out) {
   gv_simplex s;
-  gv_vec3 v = gv_v3(0, 0, 0), between = gv_sub(gv_core_center(&cso->a), gv_core_center(&cso->b));
-  bool warm = gv_norm2(cached) > 0.5;
-  gv_vec3 n = warm ? cached : gv_normalize_or(between, gv_v3(0, 0, 1)), guess = n;
-  if (!warm || !recall_simplex(cso, &s)) {
+  gv_vec3 v = gv_v3(0, 0, 0), n = v;
+  bool warm;
+  if (!recall_simplex(cso, &s)) {
+    n = first_guess(cso, &warm);
     s.p[0] = gv_cso_support(cso, n), s.count = 1;
     double overlap = gv_dot(s.p[0].w, n);
     if (warm && overlap > 0) {
       if (still_overlap(cso, &n, out)) return;
       s.p[0] = gv_cso_support(cso, n);
     } else if (-overlap > limit) {
-      out->method = GV_NARROW_FAR, out->distance = limit, out->normal_world = n;
+      take_far(limit, n, out);
       return;
     }
   }
   outcome end = walk(cso, limit, &n, &s, &v, &out->iterations);
   cso->cache->corners = 0;
   if (end == APART) take_apart(&s, v, out), keep_simplex(cso->cache, &s);
-  if (end == OVERLAP) find_depth(cso, guess, out);
-  if (end == FAR) out->method = GV_NARROW_FAR, out->distance = limit, out->normal_world = n;
+  if (end == OVERLAP) find_depth(cso, first_guess(cso, &warm), out);
+  if (end == FAR) take_far(limit, n, out);
 }
 
-static gv_vec3 usable_normal(gv_vec3 n) {
-  double length2 = gv_norm2(n);
-  return length2 > 0.5 && length2 < 2 ? gv_scale(n, 1.0 / sqrt(length2)) : gv_v3(0, 0, 0);
+// Pairs that were far mostly still are: two support heights along the last normal tell, before anything is placed.
+static bool still_far(const gv_shape *a, const gv_pose *T_world_a, const gv_shape *b, const gv_pose *T_world_b, double limit, gv_pair_cache *cache) {
+  gv_vec3 n = cache->normal_world;
+  if (cache->corners > 0 || fabs(gv_norm2(n) - 1) > 1e-9) return false;
+  double high = gv_core_height(b, gv_rotate_inv(T_world_b->q, n), &cache->vertex_b);
+  double low = gv_core_height(a, gv_rotate_inv(T_world_a->q, gv_neg(n)), &cache->vertex_a);
+  return gv_dot(n, gv_sub(T_world_a->p, T_world_b->p)) - low - high > limit;
 }
 
 void gv_distance_in_b(const gv_shape *a, const gv_pose *T_world_a, const gv_shape *b, const gv_pose *T_world_b,
                       double max_distance, gv_pair_cache *cache, gv_cso *out_cso, gv_distance *out) {
   double radii = a->radius + b->radius;
-  gv_pose T_b_a = gv_pose_mul(gv_pose_inv(*T_world_b), *T_world_a);
-  *out_cso = (gv_cso){gv_core_place(a, T_b_a, false), gv_core_place(b, gv_pose_identity(), true), cache};
-  *out = (gv_distance){.method = GV_NARROW_FAR};
-  distance_of_cores(out_cso, max_distance + radii, usable_normal(gv_rotate_inv(T_world_b->q, cache->normal_world)), out);
-  out->distance = out->method == GV_NARROW_FAR ? max_distance : out->distance - radii;
+  *out = (gv_distance){.method = GV_NARROW_FAR, .distance = max_distance};
+  if (still_far(a, T_world_a, b, T_world_b, max_distance + radii, cache)) return;
+  gv_core_place(a, (gv_pose){gv_quat_mul(gv_quat_conj(T_world_b->q), T_world_a->q), gv_transform_inv(*T_world_b, T_world_a->p)}, &out_cso->a);
+  gv_core_in_place(b, &out_cso->b);
+  out_cso->q_world_b = T_world_b->q;
+  out_cso->cache = cache;
+  distance_of_cores(out_cso, max_distance + radii, out);
+  cache->normal_world = gv_rotate(T_world_b->q, out->normal_world);
+  if (out->method == GV_NARROW_FAR) {
+    out->distance = max_distance;
+    return;
+  }
+  out->distance -= radii;
   out->on_a = gv_mad(out->on_a, -a->radius, out->normal_world);
   out->on_b = gv_mad(out->on_a, -out->distance, out->normal_world);
-  cache->normal_world = gv_rotate(T_world_b->q, out->normal_world);
 }
 
 void gv_distance_pair(const gv_shape *a, const gv_pose *T_world_a, const gv_shape *b, const gv_pose *T_world_b,
@@ -177,6 +204,7 @@ void gv_distance_pair(const gv_shape *a, const gv_pose *T_world_a, const gv_shap
   gv_cso cso;
   gv_distance_in_b(a, T_world_a, b, T_world_b, max_distance, cache, &cso, out);
   out->normal_world = cache->normal_world;
+  if (out->method == GV_NARROW_FAR) return;
   out->on_a = gv_transform(*T_world_b, out->on_a);
   out->on_b = gv_transform(*T_world_b, out->on_b);
 }

@@ -89,7 +89,8 @@ int gv_polygon_depths(const gv_shape *a, const gv_pose *T_world_a, const gv_shap
                       gv_vec3 normal_world, double margin, gv_polygon_depth out[], int max) {
   if (b->kind != GV_CORE_HULL) return 0;
   const gv_hull *hull = b->hull;
-  gv_core core = gv_core_place(a, gv_pose_mul(gv_pose_inv(*T_world_b), *T_world_a), false);
+  gv_core core;
+  gv_core_place(a, gv_pose_mul(gv_pose_inv(*T_world_b), *T_world_a), &core);
   gv_vec3 n = gv_rotate_inv(T_world_b->q, normal_world);
   const double radii = a->radius + b->radius;
   int count = 0;

@@ -38,40 +38,44 @@ int gv_hull_support(const gv_hull *hull, gv_vec3 d, int start) {
 
 static gv_vec3 column(const gv_mat3 *R, int k) { return gv_v3(R->m[0][k], R->m[1][k], R->m[2][k]); }
 
-gv_core gv_core_place(const gv_shape *shape, gv_pose T_b_shape, bool in_place) {
-  gv_core core = {.kind = shape->kind, .center = T_b_shape.p, .hull = shape->hull, .in_place = in_place};
-  core.R = gv_mat3_from_quat(T_b_shape.q);
-  core.axis[0] = gv_scale(column(&core.R, 0), shape->half.x);
-  core.axis[1] = gv_scale(column(&core.R, 1), shape->half.y);
-  core.axis[2] = gv_scale(column(&core.R, 2), shape->half.z);
-  return core;
+void gv_core_place(const gv_shape *shape, gv_pose T_b_shape, gv_core *out) {
+  out->kind = shape->kind;
+  out->center = T_b_shape.p;
+  out->hull = shape->hull;
+  out->in_place = false;
+  out->R = gv_mat3_from_quat(T_b_shape.q);
+  out->axis[0] = gv_scale(column(&out->R, 0), shape->half.x);
+  out->axis[1] = gv_scale(column(&out->R, 1), shape->half.y);
+  out->axis[2] = gv_scale(column(&out->R, 2), shape->half.z);
 }
 
-gv_vec3 gv_core_vertex(const gv_core *core, unsigned vertex) {
-  gv_vec3 p = core->center;
-  if (core->kind == GV_CORE_HULL) {
-    gv_vec3 v = core->hull->vertex[vertex];
-    return core->in_place ? v : gv_add(p, gv_mat3_mul(&core->R, v));
-  }
-  int axes = core->kind == GV_CORE_BOX ? 3 : 1;
-  for (int k = 0; k < axes; k++) p = vertex >> k & 1 ? gv_add(p, core->axis[k]) : gv_sub(p, core->axis[k]);
-  return p;
+void gv_core_in_place(const gv_shape *shape, gv_core *out) {
+  *out = (gv_core){.kind = shape->kind, .hull = shape->hull, .in_place = true, .R = {{{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}},
+                   .axis = {{shape->half.x, 0, 0}, {0, shape->half.y, 0}, {0, 0, shape->half.z}}};
 }
 
 gv_vec3 gv_core_support(const gv_core *core, gv_vec3 d, uint16_t *hint) {
-  unsigned vertex = gv_dot(core->axis[0], d) >= 0;
+  unsigned vertex;
   if (core->kind == GV_CORE_HULL) {
     vertex = (unsigned)gv_hull_support(core->hull, core->in_place ? d : gv_mat3_mul_t(&core->R, d), *hint);
-  } else if (core->kind == GV_CORE_BOX) {
-    vertex |= (unsigned)(gv_dot(core->axis[1], d) >= 0) << 1 | (unsigned)(gv_dot(core->axis[2], d) >= 0) << 2;
+  } else {
+    vertex = gv_dot(core->axis[0], d) >= 0;
+    if (core->kind == GV_CORE_BOX) vertex |= (unsigned)(gv_dot(core->axis[1], d) >= 0) << 1 | (unsigned)(gv_dot(core->axis[2], d) >= 0) << 2;
   }
   *hint = (uint16_t)vertex;
   return gv_core_vertex(core, vertex);
 }
 
+double gv_core_height(const gv_shape *shape, gv_vec3 d, uint16_t *hint) {
+  if (shape->kind != GV_CORE_HULL) return fabs(d.x) * shape->half.x + fabs(d.y) * shape->half.y + fabs(d.z) * shape->half.z;
+  *hint = (uint16_t)gv_hull_support(shape->hull, d, *hint);
+  return gv_dot(shape->hull->vertex[*hint], d);
+}
+
 gv_vec3 gv_support(const gv_shape *shape, const gv_pose *T_world_shape, gv_vec3 d_world, uint16_t *hint) {
   uint16_t own_hint = 0;
-  gv_core core = gv_core_place(shape, *T_world_shape, false);
+  gv_core core;
+  gv_core_place(shape, *T_world_shape, &core);
   gv_vec3 p = gv_core_support(&core, d_world, hint ? hint : &own_hint);
   return gv_mad(p, shape->radius, gv_normalize_or(d_world, gv_v3(0, 0, 1)));
 }
