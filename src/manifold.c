@@ -10,8 +10,10 @@
 #include "cso.h"
 
 enum { CORNERS = 2 * GV_MAX_FACE_VERTICES + 8, WALK = 16, NO_FACE = 0xffff };
+enum { SCAN_UP_TO = 24 };  // faces: below, a scan is faster than a walk
 
 static const double steep = 0.3;       // least cosine of reference face and normal (72 degrees)
+static const double flat = 1 - 1e-9;    // cosine: no other face is nearer (45 microradians)
 static const double on_side = 1e-9;    // metres: a corner this far outside the prism is still inside
 static const double same_gap = 1e-9;   // metres
 static const double same_place = 1e-5; // metres: nearer contacts are one
@@ -39,25 +41,36 @@ typedef struct manifold {
 static gv_vec3 hull_turn(const gv_core *core, gv_vec3 v) { return core->in_place ? v : gv_mat3_mul(&core->R, v); }
 static gv_vec3 hull_place(const gv_core *core, gv_vec3 v) { return core->in_place ? v : gv_add(core->center, gv_mat3_mul(&core->R, v)); }
 
-// The face around a vertex whose normal is nearest to d (frame of the hull).
-static int best_face_at(const gv_hull *hull, int vertex, gv_vec3 d) {
-  int best = hull->neighbor_face[hull->neighbor_start[vertex]];
+// Of the faces around a vertex, whether one's normal is nearer to d (frame of the hull) than the best so far.
+static void better_face_at(const gv_hull *hull, int vertex, gv_vec3 d, int *io_best, double *io_cosine) {
   for (int k = hull->neighbor_start[vertex]; k < hull->neighbor_start[vertex + 1]; k++) {
-    int f = hull->neighbor_face[k];
-    if (gv_dot(hull->face_normal[f], d) > gv_dot(hull->face_normal[best], d)) best = f;
+    double cosine = gv_dot(hull->face_normal[hull->neighbor_face[k]], d);
+    if (cosine > *io_cosine) *io_cosine = cosine, *io_best = hull->neighbor_face[k];
+  }
+}
+
+static int scan_faces(const gv_hull *hull, gv_vec3 d) {
+  int best = 0;
+  double high = gv_dot(hull->face_normal[0], d);
+  for (int f = 1; f < hull->face_count; f++) {
+    double cosine = gv_dot(hull->face_normal[f], d);
+    if (cosine > high) high = cosine, best = f;
   }
   return best;
 }
 
-// Walk on while a face at one of the face's corners is nearer: on long thin faces the first may not be the best.
-static int best_face(const gv_hull *hull, int vertex, gv_vec3 d) {
-  int best = best_face_at(hull, vertex, d), from = -1;
-  while (best != from) {
+// Around the farthest vertex, and on while a face at one of the face's corners is nearer: on long thin faces the
+// first may not be the best.
+static int best_face(const gv_hull *hull, uint16_t *vertex, gv_vec3 d) {
+  if (hull->face_count <= SCAN_UP_TO) return scan_faces(hull, d);
+  *vertex = (uint16_t)gv_hull_support(hull, d, *vertex);
+  int best = hull->neighbor_face[hull->neighbor_start[*vertex]], from = -1;
+  double cosine = gv_dot(hull->face_normal[best], d);
+  better_face_at(hull, *vertex, d, &best, &cosine);
+  while (best != from && cosine < flat) {
     from = best;
-    for (int k = hull->face_start[from]; k < hull->face_start[from + 1]; k++) {
-      int f = best_face_at(hull, hull->face_vertex[k], d);
-      if (gv_dot(hull->face_normal[f], d) > gv_dot(hull->face_normal[best], d)) best = f;
-    }
+    for (int k = hull->face_start[from]; k < hull->face_start[from + 1]; k++)
+      if (hull->face_vertex[k] != *vertex) better_face_at(hull, hull->face_vertex[k], d, &best, &cosine);
   }
   return best;
 }
@@ -70,19 +83,15 @@ static void take_hull_face(const gv_core *core, int f, polygon *out) {
   for (int k = 0; k < out->count; k++) out->p[k] = hull_place(core, hull->vertex[hull->face_vertex[hull->face_start[f] + k]]);
 }
 
-static gv_vec3 unit_axis(const gv_core *box, int k) {
-  gv_vec3 across = gv_cross(box->axis[(k + 1) % 3], box->axis[(k + 2) % 3]);
-  return gv_normalize_or(box->axis[k], gv_normalize_or(across, gv_v3(0, 0, 1)));
-}
-
 static void take_box_face(const gv_core *core, gv_vec3 d, polygon *out) {
-  int k = 0;
-  for (int i = 1; i < 3; i++)
-    if (fabs(gv_dot(unit_axis(core, i), d)) > fabs(gv_dot(unit_axis(core, k), d))) k = i;
-  double side = gv_dot(unit_axis(core, k), d) >= 0 ? 1 : -1;
+  gv_vec3 d_box = gv_mat3_mul_t(&core->R, d);
+  const double along[3] = {d_box.x, d_box.y, d_box.z};
+  int k = fabs(along[1]) > fabs(along[0]) ? 1 : 0;
+  if (fabs(along[2]) > fabs(along[k])) k = 2;
+  double side = along[k] >= 0 ? 1 : -1;
   gv_vec3 c = gv_mad(core->center, side, core->axis[k]), u = core->axis[(k + 1) % 3], v = gv_scale(core->axis[(k + 2) % 3], side);
   out->count = 4;
-  out->normal = gv_scale(unit_axis(core, k), side);
+  out->normal = gv_scale(gv_v3(core->R.m[0][k], core->R.m[1][k], core->R.m[2][k]), side);
   out->face = NO_FACE;
   out->p[0] = gv_add(gv_add(c, u), v);
   out->p[1] = gv_add(gv_sub(c, u), v);
@@ -96,8 +105,7 @@ static void take_side(const gv_core *core, gv_vec3 d, uint16_t *vertex, polygon 
     take_box_face(core, d, out);
   } else if (core->kind == GV_CORE_HULL) {
     gv_vec3 d_hull = core->in_place ? d : gv_mat3_mul_t(&core->R, d);
-    *vertex = (uint16_t)gv_hull_support(core->hull, d_hull, *vertex);
-    take_hull_face(core, best_face(core->hull, *vertex, d_hull), out);
+    take_hull_face(core, best_face(core->hull, vertex, d_hull), out);
   } else {
     out->count = 2;
     out->normal = gv_v3(0, 0, 0);
@@ -112,21 +120,24 @@ static double gap_over(const polygon *reference, gv_vec3 up, gv_vec3 q) {
   return gv_dot(reference->normal, gv_sub(q, reference->p[0])) / gv_dot(reference->normal, up);
 }
 
+// Outward from side k of the prism that the polygon sweeps along `up`; not of unit length.
+static gv_vec3 prism_side(const polygon *reference, int k, gv_vec3 up) {
+  int next = k + 1 < reference->count ? k + 1 : 0;
+  return gv_cross(gv_sub(reference->p[next], reference->p[k]), up);
+}
+
 // Clip by one side of the prism: Sutherland and Hodgman 1974.
 static void clip_side(const polygon *in, gv_vec3 at, gv_vec3 outward, polygon *out) {
   int n = in->count;
+  double slack = on_side * gv_norm(outward), hp = gv_dot(outward, gv_sub(in->p[0], at)) - slack;
   out->count = 0;
   for (int k = 0; k < n && out->count + 2 <= CORNERS; k++) {
-    gv_vec3 p = in->p[k], q = in->p[(k + 1) % n];
-    double hp = gv_dot(outward, gv_sub(p, at)) - on_side, hq = gv_dot(outward, gv_sub(q, at)) - on_side;
+    gv_vec3 p = in->p[k], q = in->p[k + 1 < n ? k + 1 : 0];
+    double hq = gv_dot(outward, gv_sub(q, at)) - slack;
     if (hp <= 0) out->p[out->count++] = p;
     if ((hp <= 0) != (hq <= 0)) out->p[out->count++] = gv_mad(p, hp / (hp - hq), gv_sub(q, p));
+    hp = hq;
   }
-}
-
-static gv_vec3 prism_side(const polygon *reference, int k, gv_vec3 up) {
-  gv_vec3 edge = gv_sub(reference->p[(k + 1) % reference->count], reference->p[k]);
-  return gv_normalize_or(gv_cross(edge, up), gv_v3(0, 0, 0));
 }
 
 static void add_corner(manifold *m, gv_vec3 on_a, gv_vec3 on_b, double gap, uint16_t face_b) {
@@ -136,13 +147,14 @@ static void add_corner(manifold *m, gv_vec3 on_a, gv_vec3 on_b, double gap, uint
 // Flat on flat. `of_b`: the reference is a side of B, else of A.
 static void clip_polygons(manifold *m, const polygon *reference, const polygon *incident, bool of_b) {
   polygon work[2];
+  const polygon *now = incident;
   gv_vec3 up = of_b ? m->n : gv_neg(m->n);
-  int now = 0;
-  work[0] = *incident;
-  for (int k = 0; k < reference->count; k++, now = !now)
-    clip_side(&work[now], reference->p[k], prism_side(reference, k, up), &work[!now]);
-  for (int k = 0; k < work[now].count; k++) {
-    gv_vec3 p = work[now].p[k];
+  for (int k = 0; k < reference->count && now->count > 0; k++) {
+    clip_side(now, reference->p[k], prism_side(reference, k, up), &work[k % 2]);
+    now = &work[k % 2];
+  }
+  for (int k = 0; k < now->count; k++) {
+    gv_vec3 p = now->p[k];
     double gap = gap_over(reference, up, p);
     gv_vec3 foot = gv_mad(p, -gap, up);
     if (of_b) add_corner(m, p, foot, gap, reference->face);
@@ -161,7 +173,7 @@ static bool clip_segment(const polygon *face, gv_vec3 up, const polygon *segment
   *out = (span){0, 1, -1, -1};
   for (int k = 0; k < face->count; k++) {
     gv_vec3 outward = prism_side(face, k, up);
-    double h = gv_dot(outward, gv_sub(p, face->p[k])) - on_side, slope = gv_dot(outward, along);
+    double h = gv_dot(outward, gv_sub(p, face->p[k])) - on_side * gv_norm(outward), slope = gv_dot(outward, along);
     if (h > 0 && h + slope > 0) return false;
     if (h > 0 && h / -slope > out->from) out->from = h / -slope, out->from_side = k;
     if (h <= 0 && h + slope > 0 && -h / slope < out->to) out->to = -h / slope, out->to_side = k;
@@ -205,6 +217,7 @@ static limb_end walk_limb(const gv_core *core, const polygon *face, span part, g
 static bool find_under_limb(const gv_core *core, int vertex, gv_vec3 up, const polygon *segment, polygon *io_face, span *out_part) {
   if (clip_segment(io_face, up, segment, out_part)) return true;
   if (core->kind != GV_CORE_HULL) return false;
+  vertex = gv_hull_support(core->hull, core->in_place ? up : gv_mat3_mul_t(&core->R, up), vertex);
   for (int k = core->hull->neighbor_start[vertex]; k < core->hull->neighbor_start[vertex + 1]; k++) {
     int f = core->hull->neighbor_face[k];
     if (gv_dot(hull_turn(core, core->hull->face_normal[f]), up) < steep) continue;
@@ -304,7 +317,7 @@ int gv_manifold_pair(const gv_shape *a, const gv_pose *T_world_a, const gv_shape
   double radii = a->radius + b->radius;
   uint16_t face_b;
   gv_distance_in_b(a, T_world_a, b, T_world_b, margin, cache, &cso, &d);
-  gv_vec3 n_world = gv_rotate(T_world_b->q, d.normal_world);
+  gv_vec3 n_world = cache->normal_world;
   if (out_distance) {
     *out_distance = d;
     out_distance->normal_world = n_world;
