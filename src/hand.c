@@ -68,11 +68,6 @@ int gv_calibration_check(const gv_calibration *cal) {
   return 0;
 }
 
-double gv_calibration_angle(const gv_calibration *cal, int sensor, double raw) {
-  const double *r = cal->raw[sensor], *a = cal->angle_rad[sensor];
-  return a[0] + (raw - r[0]) * (a[1] - a[0]) / (r[1] - r[0]);
-}
-
 double gv_calibration_raw(const gv_calibration *cal, int sensor, double angle_rad) {
   const double *r = cal->raw[sensor], *a = cal->angle_rad[sensor];
   return r[0] + (angle_rad - a[0]) * (r[1] - r[0]) / (a[1] - a[0]);
@@ -88,13 +83,26 @@ double gv_hand_half_length(const gv_hand_model *model, int limb) { return half_l
 
 // Cosine and sine of half an angle: what a quaternion needs of a turn.
 typedef struct turn { double c, s; } turn;
+typedef struct turns { double c[GV_SENSORS], s[GV_SENSORS]; } turns;
 
-static turn half_turn(double angle_rad) {
-  turn t;
-  gv_sincos(0.5 * angle_rad, &t.s, &t.c);
-  return t;
+// Of every joint; the thumb's abduction counted from where it is opposed, of the palm arch what the ring has of it.
+// Few go beyond GV_NEAR, a right angle.
+static void halve_turns(const double angle_rad[GV_SENSORS], turns *out) {
+  double half[GV_SENSORS];
+  for (int i = 0; i < GV_SENSORS; i++) half[i] = 0.5 * angle_rad[i];
+  half[GV_THUMB_ABDUCTION] -= 0.5 * THUMB_OPPOSED_RAD;
+  half[GV_PALM_ARCH] *= 0.5;
+  for (int i = 0; i < GV_SENSORS; i++) {
+    out->s[i] = gv_sin_near(half[i]);
+    out->c[i] = gv_cos_near(half[i]);
+  }
+  for (int i = 0; i < GV_SENSORS; i++)
+    if (fabs(half[i]) > GV_NEAR) gv_sincos(half[i], &out->s[i], &out->c[i]);
 }
 
+static turn turn_of(const turns *all, int sensor) { return (turn){all->c[sensor], all->s[sensor]}; }
+
+static turn back(turn t) { return (turn){t.c, -t.s}; }
 static turn add_turns(turn a, turn b) { return (turn){a.c * b.c - a.s * b.s, a.s * b.c + a.c * b.s}; }
 
 // q, then a turn about its own y or z.
@@ -112,21 +120,20 @@ static const gv_quat thumb_opposed = {0.19781653199797011, -0.7816336659799441, 
 // What each finger stands on, in the hand frame of the right hand: where it starts, and its x and z when straight.
 // Index to little: palm arch turns the ring's base by half and the little's whole about x; the abduction sensors
 // measure neighbours against each other, the middle finger being straight.
-static void find_roots(const gv_hand_model *m, const double *angle, gv_pose root[GV_FINGERS]) {
-  const double ring = -angle[GV_RING_MIDDLE_ABDUCTION];
-  const turn half_arch = half_turn(0.5 * angle[GV_PALM_ARCH]), arch = add_turns(half_arch, half_arch);
-  const gv_quat none = gv_quat_identity(), at_ring = {half_arch.c, half_arch.s, 0, 0}, at_little = {arch.c, arch.s, 0, 0};
-  root[0] = (gv_pose){turned_z(thumb_opposed, half_turn(angle[GV_THUMB_ABDUCTION] - THUMB_OPPOSED_RAD)), m->base_m[0]};
-  root[1] = (gv_pose){turned_z(none, half_turn(angle[GV_MIDDLE_INDEX_ABDUCTION])), m->base_m[1]};
+static void find_roots(const gv_hand_model *m, const turns *half, gv_pose root[GV_FINGERS]) {
+  const turn arch = turn_of(half, GV_PALM_ARCH), whole_arch = add_turns(arch, arch), ring = back(turn_of(half, GV_RING_MIDDLE_ABDUCTION));
+  const gv_quat none = gv_quat_identity(), at_ring = {arch.c, arch.s, 0, 0}, at_little = {whole_arch.c, whole_arch.s, 0, 0};
+  root[0] = (gv_pose){turned_z(thumb_opposed, turn_of(half, GV_THUMB_ABDUCTION)), m->base_m[0]};
+  root[1] = (gv_pose){turned_z(none, turn_of(half, GV_MIDDLE_INDEX_ABDUCTION)), m->base_m[1]};
   root[2] = (gv_pose){none, m->base_m[2]};
-  root[3] = (gv_pose){turned_z(at_ring, half_turn(ring)), gv_rotate(at_ring, m->base_m[3])};
-  root[4] = (gv_pose){turned_z(at_little, half_turn(ring - angle[GV_LITTLE_RING_ABDUCTION])), gv_rotate(at_little, m->base_m[4])};
+  root[3] = (gv_pose){turned_z(at_ring, ring), gv_rotate(at_ring, m->base_m[3])};
+  root[4] = (gv_pose){turned_z(at_little, add_turns(ring, back(turn_of(half, GV_LITTLE_RING_ABDUCTION)))), gv_rotate(at_little, m->base_m[4])};
 }
 
 // The hand frame: the wrist's after pitch (flexion) and yaw (towards the thumb).
-static gv_pose hand_frame(const gv_pose *T_world_wrist, const double *angle, bool left) {
-  double yaw = left ? -angle[GV_WRIST_YAW] : angle[GV_WRIST_YAW];
-  gv_quat q = turned_z(turned_y(T_world_wrist->q, half_turn(angle[GV_WRIST_PITCH])), half_turn(yaw));
+static gv_pose hand_frame(const gv_pose *T_world_wrist, const turns *half, bool left) {
+  turn yaw = turn_of(half, GV_WRIST_YAW);
+  gv_quat q = turned_z(turned_y(T_world_wrist->q, turn_of(half, GV_WRIST_PITCH)), left ? back(yaw) : yaw);
   return (gv_pose){gv_quat_normalize(q), T_world_wrist->p};
 }
 
@@ -146,7 +153,7 @@ static void put_joint(const chain *c, int sensor, gv_vec3 p, gv_vec3 axis, uint3
 static gv_vec3 column(const gv_mat3 *R, int k) { return gv_v3(R->m[0][k], R->m[1][k], R->m[2][k]); }
 
 // A finger bends about the y of its root alone, so it lies in the plane of the root's x and z, and its bones' turns add up.
-static void put_finger(const gv_hand_model *m, int finger, const gv_pose *root, const gv_mat3 *R, const double *angle, const chain *c) {
+static void put_finger(const gv_hand_model *m, int finger, const gv_pose *root, const gv_mat3 *R, const turns *half, const chain *c) {
   static const int flexion[GV_FINGERS][3] = {
     {GV_THUMB_ROTATE, GV_THUMB_MPJ, GV_THUMB_IJ}, {GV_INDEX_MPJ, GV_INDEX_PIJ, GV_INDEX_DIJ},
     {GV_MIDDLE_MPJ, GV_MIDDLE_PIJ, GV_MIDDLE_DIJ}, {GV_RING_MPJ, GV_RING_PIJ, GV_RING_DIJ},
@@ -156,7 +163,7 @@ static void put_finger(const gv_hand_model *m, int finger, const gv_pose *root, 
   turn bent = {1, 0};
   for (int s = 0; s < 3; s++) {
     put_joint(c, flexion[finger][s], p, y, (7u << s & 7u) << (3 * finger));
-    bent = add_turns(bent, half_turn(angle[flexion[finger][s]]));
+    bent = add_turns(bent, turn_of(half, flexion[finger][s]));
     turn whole = add_turns(bent, bent);
     gv_vec3 along = gv_mad(gv_scale(x, whole.c), -whole.s, z);
     if (c->limb) c->limb[3 * finger + s] = (gv_pose){turned_y(root->q, bent), gv_mad(p, half_length(m, finger, s), along)};
@@ -164,19 +171,19 @@ static void put_finger(const gv_hand_model *m, int finger, const gv_pose *root, 
   }
 }
 
-static void put_fingers(const gv_hand_model *m, gv_pose T, const gv_mat3 *R_hand, const double *angle, const chain *c) {
+static void put_fingers(const gv_hand_model *m, gv_pose T, const gv_mat3 *R_hand, const turns *half, const chain *c) {
   static const int abduction[GV_FINGERS] = {
     GV_THUMB_ABDUCTION, GV_MIDDLE_INDEX_ABDUCTION, -1, GV_RING_MIDDLE_ABDUCTION, GV_LITTLE_RING_ABDUCTION};
   const bool left = m->side == GV_LEFT;
   gv_pose root[GV_FINGERS];
-  find_roots(m, angle, root);
+  find_roots(m, half, root);
   for (int f = 0; f < GV_FINGERS; f++) {
     if (left) root[f] = mirror_pose(root[f]);
     root[f] = (gv_pose){gv_quat_mul(T.q, root[f].q), gv_add(T.p, gv_mat3_mul(R_hand, root[f].p))};
     gv_mat3 R = gv_mat3_from_quat(root[f].q);
     gv_vec3 up = column(&R, 2);  // ring and little spread the other way; so does a left hand
     if (abduction[f] >= 0) put_joint(c, abduction[f], root[f].p, (f > 2) != left ? gv_neg(up) : up, 7u << (3 * f));
-    put_finger(m, f, &root[f], &R, angle, c);
+    put_finger(m, f, &root[f], &R, half, c);
   }
 }
 
@@ -184,10 +191,12 @@ void gv_hand_pose(const gv_hand_model *model, const gv_pose *T_world_wrist, cons
                   gv_pose out_T_world_limb[GV_LIMBS], gv_joint_axis out_joint[GV_SENSORS]) {
   const bool left = model->side == GV_LEFT;
   const chain c = {out_T_world_limb, out_joint};
-  const gv_pose T = hand_frame(T_world_wrist, angle_rad, left);
+  turns half;
+  halve_turns(angle_rad, &half);
+  const gv_pose T = hand_frame(T_world_wrist, &half, left);
   const gv_mat3 R = gv_mat3_from_quat(T.q);
   const gv_vec3 x = column(&R, 0), z = column(&R, 2), palm = left ? mirror(model->palm_center_m) : model->palm_center_m;
-  put_fingers(model, T, &R, angle_rad, &c);
+  put_fingers(model, T, &R, &half, &c);
   put_joint(&c, GV_PALM_ARCH, T.p, left ? gv_neg(x) : x, 63u << 9);
   put_joint(&c, GV_WRIST_PITCH, T.p, gv_rotate(T_world_wrist->q, gv_v3(0, 1, 0)), 0xffffu);
   put_joint(&c, GV_WRIST_YAW, T.p, left ? gv_neg(z) : z, 0xffffu);

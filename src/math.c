@@ -3,36 +3,10 @@
 // whatever C library it has; and the rotation maps built on it. Any thread.
 #include "gloved/math.h"
 
-// Taylor series on |x| <= pi/4: the first term left out is below 5e-17.
-static double sin_poly(double x) {
-  double s = x * x;
-  double p = 1.0 / 355687428096000.0;            // 1/17!
-  p = 1.0 / -1307674368000.0 + s * p;            // -1/15!
-  p = 1.0 / 6227020800.0 + s * p;
-  p = 1.0 / -39916800.0 + s * p;
-  p = 1.0 / 362880.0 + s * p;
-  p = 1.0 / -5040.0 + s * p;
-  p = 1.0 / 120.0 + s * p;
-  p = 1.0 / -6.0 + s * p;
-  return x + x * s * p;
-}
-
-static double cos_poly(double x) {
-  double s = x * x;
-  double p = 1.0 / 20922789888000.0;             // 1/16!
-  p = 1.0 / -87178291200.0 + s * p;              // -1/14!
-  p = 1.0 / 479001600.0 + s * p;
-  p = 1.0 / -3628800.0 + s * p;
-  p = 1.0 / 40320.0 + s * p;
-  p = 1.0 / -720.0 + s * p;
-  p = 1.0 / 24.0 + s * p;
-  return 1.0 - 0.5 * s + s * s * p;
-}
-
 void gv_sincos(double angle_rad, double *out_sin, double *out_cos) {
-  if (fabs(angle_rad) < 0.785) {  // as below with n = 0
-    *out_sin = sin_poly(angle_rad);
-    *out_cos = cos_poly(angle_rad);
+  if (fabs(angle_rad) < GV_NEAR) {  // as below with n = 0
+    *out_sin = gv_sin_near(angle_rad);
+    *out_cos = gv_cos_near(angle_rad);
     return;
   }
   // Cody-Waite: pi/2 in three parts, the first two with trailing zeros, so n * part is exact.
@@ -40,7 +14,7 @@ void gv_sincos(double angle_rad, double *out_sin, double *out_cos) {
                part3 = 2.02226624879595063154e-21;
   double n = floor(angle_rad * (2.0 / GV_PI) + 0.5);
   double r = ((angle_rad - n * part1) - n * part2) - n * part3;
-  double s = sin_poly(r), c = cos_poly(r);
+  double s = gv_sin_near(r), c = gv_cos_near(r);
   double quarter = n - 4.0 * floor(n * 0.25);  // 0, 1, 2 or 3
   if (quarter < 0.5) { *out_sin = s; *out_cos = c; }
   else if (quarter < 1.5) { *out_sin = c; *out_cos = -s; }
@@ -90,12 +64,9 @@ gv_quat gv_quat_axis_angle(gv_vec3 axis, double angle_rad) {
   return (gv_quat){c, axis.x * s, axis.y * s, axis.z * s};
 }
 
-gv_vec3 gv_quat_log(gv_quat q) {
-  double sign = q.w < 0.0 ? -1.0 : 1.0;  // q and -q are the same rotation: take the short way
-  gv_vec3 v = gv_v3(sign * q.x, sign * q.y, sign * q.z);
-  double n = gv_norm(v);
-  if (n < 1e-9) return gv_scale(v, 2.0);  // angle = 2 asin(n), relative error n^2 / 6
-  return gv_scale(v, 2.0 * gv_atan2(n, sign * q.w) / n);
+double gv_angle_per_sine(double s2, double w) {
+  double n = sqrt(s2);
+  return 2.0 * gv_atan2(n, fabs(w)) / n;
 }
 
 gv_quat gv_quat_exp(gv_vec3 rotation_rad) {

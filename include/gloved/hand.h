@@ -64,7 +64,10 @@ gv_calibration gv_calibration_default(void);
 // 0, or the (negative) -1 - sensor of the first sensor whose two points coincide or are not finite.
 int gv_calibration_check(const gv_calibration *cal);
 // Angle of one raw value, radians. Not limited.
-double gv_calibration_angle(const gv_calibration *cal, int sensor, double raw);
+static inline double gv_calibration_angle(const gv_calibration *cal, int sensor, double raw) {
+  const double *r = cal->raw[sensor], *a = cal->angle_rad[sensor];
+  return a[0] + (raw - r[0]) * (a[1] - a[0]) / (r[1] - r[0]);
+}
 // Raw value of an angle: the inverse, not rounded, not limited (used by simulated devices).
 double gv_calibration_raw(const gv_calibration *cal, int sensor, double angle_rad);
 
