@@ -18,21 +18,33 @@ static double exp_neg(double x) {
   return sum;
 }
 
+// e(h) = (e + (v + w e) h) exp(-w h),  v(h) = (v - w (v + w e) h) exp(-w h)
+static void make_filter(gv_condition *c, double omega, double h) {
+  const double decay = exp_neg(omega * h);
+  c->ee = (1.0 + omega * h) * decay;
+  c->ev = h * decay;
+  c->ve = -omega * omega * h * decay;
+  c->vv = (1.0 - omega * h) * decay;
+}
+
 void gv_condition_init(gv_condition *c, const gv_config *cfg) {
   memset(c, 0, sizeof *c);
-  c->wrist = c->target = c->held = gv_pose_identity();
-  c->omega = 2.0 * GV_PI * cfg->filter_hz;
-  c->decay = exp_neg(c->omega * cfg->step_s);
+  c->wrist = c->wrist_target = c->wrist_held = gv_pose_identity();
+  if (cfg->filter_hz > 0.0) {
+    make_filter(c, 2.0 * GV_PI * cfg->filter_hz, cfg->step_s);
+    c->smooth = true;
+  } else {
+    c->ve = -1.0 / cfg->step_s;  // at the target in one step
+  }
 }
 
 // A jump passes only when the next sample says the same. Returns true where the value was held back.
-static bool gate_joint(joint_filter *j, double value, double gate) {
-  bool jump = gate > 0.0 && fabs(value - j->target) > gate;
-  bool confirmed = j->holding && fabs(value - j->held) <= gate;
-  j->holding = jump && !confirmed;
-  j->held = value;
-  if (!j->holding) j->target = value;
-  return j->holding;
+static bool gate_joint(gv_condition *c, int i, double value, double gate) {
+  bool near = !(gate > 0.0) || fabs(value - c->target[i]) <= gate;
+  c->holding[i] = !near && !(c->holding[i] && fabs(value - c->held[i]) <= gate);
+  c->held[i] = value;
+  if (!c->holding[i]) c->target[i] = value;
+  return c->holding[i];
 }
 
 static int take_glove(gv_condition *c, const gv_config *cfg, const gv_sample *sample, uint64_t *limited) {
@@ -43,8 +55,8 @@ static int take_glove(gv_condition *c, const gv_config *cfg, const gv_sample *sa
     double read = gv_calibration_angle(&cfg->calibration, i, sample->raw[i]);
     double a = gv_clamp(read, cfg->hand.angle_min_rad[i], cfg->hand.angle_max_rad[i]);
     if (fabs(a - read) > beyond_rad) (*limited)++;
-    if (!c->glove_seen) { c->joint[i] = (joint_filter){0.0, a, a, false}; c->angle[i] = a; }
-    else refused += gate_joint(&c->joint[i], a, cfg->gate_rad);
+    if (!c->glove_seen) c->angle[i] = c->target[i] = c->held[i] = a;
+    else refused += gate_joint(c, i, a, cfg->gate_rad);
   }
   c->glove_seen = true;
   return refused;
@@ -62,15 +74,15 @@ static int take_pose(gv_condition *c, const gv_config *cfg, const gv_sample *sam
   T.q = gv_quat_normalize(T.q);
   T = gv_pose_mul(T, cfg->T_receiver_wrist);
   if (!c->pose_seen) {
-    c->wrist = c->target = c->held = T;
+    c->wrist = c->wrist_target = c->wrist_held = T;
     c->pose_seen = true;
     return 0;
   }
-  bool confirmed = c->holding && !pose_jumps(&T, &c->held, cfg);
-  c->holding = pose_jumps(&T, &c->target, cfg) && !confirmed;
-  c->held = T;
-  if (!c->holding) c->target = T;
-  return c->holding;
+  bool confirmed = c->wrist_holding && !pose_jumps(&T, &c->wrist_held, cfg);
+  c->wrist_holding = pose_jumps(&T, &c->wrist_target, cfg) && !confirmed;
+  c->wrist_held = T;
+  if (!c->wrist_holding) c->wrist_target = T;
+  return c->wrist_holding;
 }
 
 int gv_condition_sample(gv_condition *c, const gv_config *cfg, const gv_sample *sample, uint64_t *limited) {
@@ -80,39 +92,30 @@ int gv_condition_sample(gv_condition *c, const gv_config *cfg, const gv_sample *
   return refused;
 }
 
-// e(h) = (e + (v + w e) h) exp(-w h),  v(h) = (v - w (v + w e) h) exp(-w h)
-static void decay_scalar(double *e, double *v, double omega, double decay, double h) {
-  double j = *v + omega * *e;
-  *e = (*e + j * h) * decay;
-  *v = (*v - omega * j * h) * decay;
+static void decay_vector(const gv_condition *c, gv_vec3 *e, gv_vec3 *v) {
+  gv_vec3 e0 = *e;
+  *e = gv_mad(gv_scale(e0, c->ee), c->ev, *v);
+  *v = gv_mad(gv_scale(e0, c->ve), c->vv, *v);
 }
 
-void gv_condition_step(gv_condition *c, double h) {
+void gv_condition_step(gv_condition *c) {
   for (int i = 0; i < GV_SENSORS; i++) {
-    joint_filter *j = &c->joint[i];
-    if (!(c->omega > 0.0)) { j->rate = (j->target - c->angle[i]) / h; c->angle[i] = j->target; continue; }
-    double e = c->angle[i] - j->target;
-    decay_scalar(&e, &j->rate, c->omega, c->decay, h);
-    c->angle[i] = j->target + e;
+    double e = c->angle[i] - c->target[i], v = c->rate[i];
+    c->angle[i] = c->target[i] + (c->ee * e + c->ev * v);
+    c->rate[i] = c->ve * e + c->vv * v;
   }
-  if (!(c->omega > 0.0)) { c->wrist = c->target; return; }
-  gv_vec3 e = gv_sub(c->wrist.p, c->target.p);
-  decay_scalar(&e.x, &c->v.x, c->omega, c->decay, h);
-  decay_scalar(&e.y, &c->v.y, c->omega, c->decay, h);
-  decay_scalar(&e.z, &c->v.z, c->omega, c->decay, h);
-  c->wrist.p = gv_add(c->target.p, e);
-  gv_vec3 r = gv_quat_log(gv_quat_mul(c->wrist.q, gv_quat_conj(c->target.q)));  // world, target to filtered
-  decay_scalar(&r.x, &c->w.x, c->omega, c->decay, h);
-  decay_scalar(&r.y, &c->w.y, c->omega, c->decay, h);
-  decay_scalar(&r.z, &c->w.z, c->omega, c->decay, h);
-  c->wrist.q = gv_quat_normalize(gv_quat_mul(gv_quat_exp(r), c->target.q));
+  gv_vec3 e = gv_sub(c->wrist.p, c->wrist_target.p);
+  decay_vector(c, &e, &c->v);
+  c->wrist.p = gv_add(c->wrist_target.p, e);
+  gv_vec3 r = gv_quat_log(gv_quat_mul(c->wrist.q, gv_quat_conj(c->wrist_target.q)));  // world, target to filtered
+  decay_vector(c, &r, &c->w);
+  c->wrist.q = gv_quat_normalize(gv_quat_mul(gv_quat_exp(r), c->wrist_target.q));
 }
 
 void gv_condition_output(const gv_condition *c, const gv_config *cfg, double out_angle_rad[GV_SENSORS], gv_pose *out_wrist) {
-  // Without the filter the rate is a whole sample's step over one period: led by it, the hand would jump.
-  const double lead = c->omega > 0.0 ? cfg->prediction_s : 0.0;
+  const double lead = c->smooth ? cfg->prediction_s : 0.0;  // without the filter a rate is a whole sample's step over one period
   for (int i = 0; i < GV_SENSORS; i++)
-    out_angle_rad[i] = gv_clamp(c->angle[i] + lead * c->joint[i].rate, cfg->hand.angle_min_rad[i], cfg->hand.angle_max_rad[i]);
+    out_angle_rad[i] = gv_clamp(c->angle[i] + lead * c->rate[i], cfg->hand.angle_min_rad[i], cfg->hand.angle_max_rad[i]);
   *out_wrist = c->wrist;
   if (!(lead > 0.0)) return;
   out_wrist->p = gv_mad(c->wrist.p, lead, c->v);

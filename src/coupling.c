@@ -10,6 +10,8 @@ gv_spring gv_spring_make(const gv_coupling *coupling, double mass_kg, double mea
   s.k_small = law == GV_ROTATION_PAPER ? 2.0 * s.k_t : s.k_t;
   if (s.d_f < 0.0) s.d_f = 2.0 * sqrt(s.k_f * mass_kg);
   if (s.d_t < 0.0) s.d_t = 2.0 * sqrt(s.k_small * mean_inertia);
+  s.d_f_implicit = s.d_f + h * s.k_f;
+  s.d_t_implicit = s.d_t + h * s.k_small;
   s.added_mass_kg = h * s.d_f + h * h * s.k_f;
   s.added_inertia = h * s.d_t + h * h * s.k_small;
   return s;
@@ -29,17 +31,20 @@ static gv_vec3 deviation(const gv_spring *s, gv_quat sim, gv_quat driver) {
   return gv_quat_log(gv_quat_mul(driver, gv_quat_conj(sim)));
 }
 
-void gv_spring_apply(const gv_spring *s, const gv_limb_state *sim, const gv_limb_state *driver, gv_vec3 *out_f, gv_vec3 *out_t) {
-  gv_vec3 x_d = gv_sub(driver->T.p, sim->T.p), v_d = gv_sub(sim->v, driver->v), w_d = gv_sub(sim->w, driver->w);
-  gv_vec3 t_d = deviation(s, sim->T.q, driver->T.q);
-  *out_f = gv_mad(gv_scale(x_d, s->k_f), -(s->d_f + s->h * s->k_f), v_d);       // Eqn 1, implicit
-  *out_t = gv_mad(gv_scale(t_d, s->k_t), -(s->d_t + s->h * s->k_small), w_d);   // Eqn 2, implicit
+void gv_springs_apply(const gv_spring s[GV_LIMBS], const gv_limb_state sim[GV_LIMBS], const gv_limb_state driver[GV_LIMBS],
+                      gv_vec3 out_f[GV_LIMBS], gv_vec3 out_t[GV_LIMBS]) {
+  for (int i = 0; i < GV_LIMBS; i++) {
+    gv_vec3 x_d = gv_sub(driver[i].T.p, sim[i].T.p), t_d = deviation(&s[i], sim[i].T.q, driver[i].T.q);
+    out_f[i] = gv_mad(gv_scale(x_d, s[i].k_f), s[i].d_f_implicit, gv_sub(driver[i].v, sim[i].v));  // Eqn 1
+    out_t[i] = gv_mad(gv_scale(t_d, s[i].k_t), s[i].d_t_implicit, gv_sub(driver[i].w, sim[i].w));  // Eqn 2
+  }
 }
 
-void gv_spring_feel(const gv_spring *s, const gv_limb_state *sim, const gv_limb_state *driver, gv_vec3 *out_f, gv_vec3 *out_t) {
-  gv_vec3 v_d = gv_sub(sim->v, driver->v), w_d = gv_sub(sim->w, driver->w);
-  gv_vec3 x_d = gv_sub(gv_mad(driver->T.p, s->h, driver->v), sim->T.p);
-  gv_quat ahead = gv_quat_mul(gv_quat_exp(gv_scale(driver->w, s->h)), driver->T.q);
-  *out_f = gv_mad(gv_scale(x_d, s->k_f), -s->d_f, v_d);                                           // Eqn 1
-  *out_t = gv_mad(gv_scale(deviation(s, sim->T.q, ahead), s->k_t), -s->d_t, w_d);                 // Eqn 2
+void gv_springs_feel(const gv_spring s[GV_LIMBS], const gv_limb_state sim[GV_LIMBS], const gv_limb_state driver[GV_LIMBS],
+                     const gv_pose T_ahead[GV_LIMBS], gv_vec3 out_f[GV_LIMBS], gv_vec3 out_t[GV_LIMBS]) {
+  for (int i = 0; i < GV_LIMBS; i++) {
+    gv_vec3 x_d = gv_sub(sim[i].T.p, T_ahead[i].p), t_d = deviation(&s[i], T_ahead[i].q, sim[i].T.q);  // seen the other way
+    out_f[i] = gv_mad(gv_scale(x_d, s[i].k_f), s[i].d_f, gv_sub(sim[i].v, driver[i].v));
+    out_t[i] = gv_mad(gv_scale(t_d, s[i].k_t), s[i].d_t, gv_sub(sim[i].w, driver[i].w));
+  }
 }

@@ -29,6 +29,7 @@ void gv_dynamics_destroy(gv_dynamics *dyn);
 // Runs both solvers once with the most contacts, so that every later step finds its memory ready.
 void gv_dynamics_warm_up(gv_dynamics *dyn);
 
+// Of a body; those of the others lie beside it, in their order.
 const gv_limb_state *gv_dynamics_state(const gv_dynamics *dyn, int body);
 void gv_dynamics_set_state(gv_dynamics *dyn, int body, const gv_limb_state *state);
 // Another spring for a limb: its mass with the augmentation that belongs to it. Never allocates.

@@ -135,18 +135,20 @@ static void place_hand(gv_engine *e) {
 
 // The skeleton's frames of this step, and their velocities since the last.
 static void move_driver(gv_engine *e) {
-  gv_pose T[GV_LIMBS];
   gv_condition_output(&e->condition, &e->cfg, e->angle, &e->wrist);
-  gv_hand_pose(&e->cfg.hand, &e->wrist, e->angle, T, e->joint);
+  gv_hand_pose(&e->cfg.hand, &e->wrist, e->angle, e->skeleton, e->joint);
   double rate = 1.0 / e->cfg.step_s;
   for (int i = 0; i < GV_LIMBS; i++) {
+    const gv_pose *now = &e->skeleton[i];
     gv_limb_state *d = &e->driver[i];
-    d->v = d->w = gv_v3(0, 0, 0);
-    if (e->placed) {
-      d->v = gv_scale(gv_sub(T[i].p, d->T.p), rate);
-      d->w = gv_scale(gv_quat_log(gv_quat_mul(T[i].q, gv_quat_conj(d->T.q))), rate);
-    }
-    d->T = T[i];
+    if (!e->placed) d->T = *now;
+    gv_vec3 moved = gv_sub(now->p, d->T.p);
+    gv_quat q = now->q, last = d->T.q, turned = gv_quat_mul(q, gv_quat_conj(last));
+    double k = 2.0 * turned.w;  // turned * q is `last` mirrored in q
+    e->ahead[i] = (gv_pose){{k * q.w - last.w, k * q.x - last.x, k * q.y - last.y, k * q.z - last.z}, gv_add(now->p, moved)};
+    d->T = *now;
+    d->v = gv_scale(moved, rate);
+    d->w = gv_scale(gv_quat_log(turned), rate);
   }
 }
 
@@ -160,18 +162,18 @@ static void take_sample(gv_engine *e, const gv_sample *sample) {
     }
   }
   if (!gv_condition_ready(&e->condition)) return;
-  gv_condition_step(&e->condition, e->cfg.step_s);
+  gv_condition_step(&e->condition);
   move_driver(e);
   if (!e->placed) place_hand(e);
 }
 
 static void pull_limbs(gv_engine *e) {
+  gv_vec3 f[GV_LIMBS], t[GV_LIMBS];
   if (!e->placed) return;
-  gv_vec3 g = e->cfg.limb_gravity ? gv_dynamics_gravity(e->dyn) : gv_v3(0, 0, 0);
+  gv_springs_apply(e->spring, gv_dynamics_state(e->dyn, 0), e->driver, f, t);
   for (int i = 0; i < GV_LIMBS; i++) {
-    gv_vec3 f, t;
-    gv_spring_apply(&e->spring[i], gv_dynamics_state(e->dyn, i), &e->driver[i], &f, &t);
-    gv_dynamics_add_force(e->dyn, i, gv_mad(f, e->spring[i].mass_kg, g), t);
+    if (e->cfg.limb_gravity) f[i] = gv_mad(f[i], e->spring[i].mass_kg, gv_dynamics_gravity(e->dyn));
+    gv_dynamics_add_force(e->dyn, i, f[i], t[i]);
   }
 }
 
@@ -187,13 +189,16 @@ static void solve(gv_engine *e) {
   e->counters.solver_errors = gv_dynamics_solver_errors(e->dyn);
 }
 
-static bool state_sound(const gv_limb_state *s) {
-  return gv_pose_finite(s->T) && gv_norm(s->T.p) < FAR_M && gv_norm(s->v) < FAST_M_S && gv_norm(s->w) < SPIN_RAD_S;
+static bool state_sound(const gv_limb_state *s) {  // what is not finite is not less
+  gv_quat q = s->T.q;
+  return q.w * q.w + q.x * q.x + q.y * q.y + q.z * q.z < 2.0 && gv_norm2(s->T.p) < FAR_M * FAR_M &&
+         gv_norm2(s->v) < FAST_M_S * FAST_M_S && gv_norm2(s->w) < SPIN_RAD_S * SPIN_RAD_S;
 }
 
 static void guard_states(gv_engine *e) {
+  const gv_limb_state *state = gv_dynamics_state(e->dyn, 0);
   for (int i = 0; i < GV_LIMBS + e->scene->object_count; i++) {
-    if (state_sound(gv_dynamics_state(e->dyn, i))) continue;
+    if (state_sound(&state[i])) continue;
     gv_limb_state start = {.T = i < GV_LIMBS ? e->driver[i].T : e->scene->object[i - GV_LIMBS].T_world_body};
     gv_dynamics_set_state(e->dyn, i, &start);
     e->events |= GV_EVENT_BODY_RESET;
@@ -205,15 +210,8 @@ static void guard_states(gv_engine *e) {
 static void feel_coupling(gv_engine *e, double out_tension_n[GV_FINGERS]) {
   memset(out_tension_n, 0, GV_FINGERS * sizeof *out_tension_n);
   if (!e->placed) return;
-  gv_vec3 f[GV_LIMBS], t[GV_LIMBS];
-  gv_pose T[GV_LIMBS];
-  for (int i = 0; i < GV_LIMBS; i++) {
-    gv_spring_feel(&e->spring[i], gv_dynamics_state(e->dyn, i), &e->driver[i], &e->felt_f[i], &e->felt_t[i]);
-    f[i] = gv_neg(e->felt_f[i]);
-    t[i] = gv_neg(e->felt_t[i]);
-    T[i] = e->driver[i].T;
-  }
-  gv_tendon_map(e->joint, T, f, t, out_tension_n);
+  gv_springs_feel(e->spring, gv_dynamics_state(e->dyn, 0), e->driver, e->ahead, e->felt_f, e->felt_t);
+  gv_tendon_map(e->joint, e->skeleton, e->felt_f, e->felt_t, out_tension_n);
 }
 
 void gv_engine_step(gv_engine *e, const gv_sample *sample, gv_step_result *out) {

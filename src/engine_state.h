@@ -24,9 +24,11 @@ struct gv_engine {
   double limb_inertia[GV_LIMBS];
   double angle[GV_SENSORS];            // of the skeleton in this step, rad
   gv_pose wrist;                       // T_world_wrist of this step
-  gv_limb_state driver[GV_LIMBS];
+  gv_pose skeleton[GV_LIMBS];          // T_world_limb of this step
+  gv_limb_state driver[GV_LIMBS];      // the same with velocities
+  gv_pose ahead[GV_LIMBS];             // T_world_driver as it will be after the step, if it goes on at its velocity
   gv_joint_axis joint[GV_SENSORS];     // of the driver
-  gv_vec3 felt_f[GV_LIMBS], felt_t[GV_LIMBS]; // coupling on the limb at the end of the last step
+  gv_vec3 felt_f[GV_LIMBS], felt_t[GV_LIMBS]; // by the person at the end of the last step: the opposite of the coupling
   bool placed;
   // collision: bounds of this step, caches from step to step
   gv_shape *piece_shape;               // [piece_count]

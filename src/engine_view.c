@@ -14,8 +14,8 @@ void gv_engine_limb_velocity(const gv_engine *e, int limb, gv_vec3 *out_v, gv_ve
   *out_w = gv_dynamics_state(e->dyn, limb)->w;
 }
 void gv_engine_coupling(const gv_engine *e, int limb, gv_vec3 *out_f, gv_vec3 *out_t) {
-  *out_f = e->felt_f[limb];
-  *out_t = e->felt_t[limb];
+  *out_f = gv_neg(e->felt_f[limb]);
+  *out_t = gv_neg(e->felt_t[limb]);
 }
 gv_pose gv_engine_object_pose(const gv_engine *e, int object) { return gv_dynamics_state(e->dyn, GV_LIMBS + object)->T; }
 void gv_engine_object_velocity(const gv_engine *e, int object, gv_vec3 *out_v, gv_vec3 *out_w) {
@@ -71,7 +71,7 @@ uint64_t gv_engine_hash(const gv_engine *e) {
   for (int i = 0; i < GV_LIMBS + e->scene->object_count; i++)
     hash = fnv1a(hash, gv_dynamics_state(e->dyn, i), sizeof(gv_limb_state));
   hash = fnv1a(hash, e->condition.angle, sizeof e->condition.angle);
-  for (int i = 0; i < GV_SENSORS; i++) hash = fnv1a(hash, &e->condition.joint[i].rate, sizeof(double));
+  hash = fnv1a(hash, e->condition.rate, sizeof e->condition.rate);
   hash = fnv1a(hash, &e->condition.wrist, sizeof e->condition.wrist);
   hash = fnv1a(hash, &e->condition.v, sizeof e->condition.v);
   return fnv1a(hash, &e->condition.w, sizeof e->condition.w);

@@ -34,11 +34,11 @@ static void test_a_ramp_is_delayed_as_stated(void) {
     for (int k = 0; k < GV_SENSORS; k++) angle[k] = 0.1 + speed * i * h * (k == GV_INDEX_PIJ);
     gv_sample s = glove_at(angle);
     gv_condition_sample(&c, &cfg, &s, &limited);
-    gv_condition_step(&c, h);
+    gv_condition_step(&c);
   }
   double behind_s = (angle[GV_INDEX_PIJ] - c.angle[GV_INDEX_PIJ]) / speed;
   CHECK_NEAR(behind_s, 1 / (GV_PI * cfg.filter_hz) - 0.5 * h, 1e-6);  // a held sample is half a step old on average
-  CHECK_NEAR(c.joint[GV_INDEX_PIJ].rate, speed, 0.005 * speed);
+  CHECK_NEAR(c.rate[GV_INDEX_PIJ], speed, 0.005 * speed);
   cfg.prediction_s = behind_s;
   double out[GV_SENSORS];
   gv_pose wrist;
@@ -55,7 +55,7 @@ static void test_a_pose_turns_the_short_way_and_arrives(void) {
   b.q = (gv_quat){-b.q.w, -b.q.x, -b.q.y, -b.q.z};  // the same rotation
   s = pose_at(b);
   gv_condition_sample(&c, &cfg, &s, &limited);
-  for (int i = 0; i < 400; i++) gv_condition_step(&c, h);
+  for (int i = 0; i < 400; i++) gv_condition_step(&c);
   CHECK(gv_norm(gv_quat_log(gv_quat_mul(c.wrist.q, gv_quat_conj(b.q)))) < 1e-9, "orientation arrives");
   CHECK(gv_norm(gv_sub(c.wrist.p, b.p)) < 1e-9, "position arrives");
 }
@@ -75,7 +75,7 @@ static void test_single_jumps_leave_no_mark(void) {
     if (i % 50 == 11) P.q = gv_quat_exp(gv_v3(0, 0, 0.5));
     gv_sample g = glove_at(sent), p = pose_at(P);
     held += gv_condition_sample(&c, &cfg, &g, &limited) + gv_condition_sample(&c, &cfg, &p, &limited);
-    gv_condition_step(&c, h);
+    gv_condition_step(&c);
     CHECK_NEAR(c.angle[GV_RING_PIJ], 0.1, 1e-12);
     CHECK(gv_norm(c.wrist.p) < 1e-12, "the wrist moved");
   }
@@ -90,7 +90,7 @@ static void test_a_true_jump_passes_at_the_second_sample(void) {
     gv_sample s = glove_at(angle);
     int held = gv_condition_sample(&c, &cfg, &s, &limited);
     CHECK(held == (i == 10), "sample %d: %d held", i, held);
-    gv_condition_step(&c, h);
+    gv_condition_step(&c);
   }
   CHECK_NEAR(c.angle[GV_INDEX_MPJ], 0.8, 1e-9);
 }
@@ -167,7 +167,7 @@ static figures run(int rows, double filter_hz) {
       f.held += gv_condition_sample(&c, &cfg, &s, &limited);
       f.jumps += jump, f.samples++;
     }
-    gv_condition_step(&c, h);
+    gv_condition_step(&c);
     memcpy(history[i % 100], c.angle, sizeof c.angle);
     for (int lag = 0; lag < 60; lag++)
       for (int k = 0; k < 12 && i >= 60; k++) {
