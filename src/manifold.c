@@ -317,13 +317,7 @@ int gv_manifold_pair(const gv_shape *a, const gv_pose *T_world_a, const gv_shape
   double radii = a->radius + b->radius;
   uint16_t face_b;
   gv_distance_in_b(a, T_world_a, b, T_world_b, margin, cache, &cso, &d);
-  gv_vec3 n_world = cache->normal_world;
-  if (out_distance) {
-    *out_distance = d;
-    out_distance->normal_world = n_world;
-    out_distance->on_a = gv_transform(*T_world_b, d.on_a);
-    out_distance->on_b = gv_transform(*T_world_b, d.on_b);
-  }
+  if (out_distance) *out_distance = d, gv_distance_to_world(T_world_b, cache, out_distance);
   if (d.method == GV_NARROW_FAR || d.distance > margin) return 0;
   m.n = d.normal_world, m.limit = margin + radii, m.count = 0;
   gather(&m, &cso, cache, &face_b);
@@ -333,7 +327,7 @@ int gv_manifold_pair(const gv_shape *a, const gv_pose *T_world_a, const gv_shape
   for (int i = 0; i < m.count; i++) {
     gv_vec3 middle = gv_mad(gv_scale(gv_add(m.corner[i].on_a, m.corner[i].on_b), 0.5), 0.5 * (b->radius - a->radius), m.n);
     double depth = fmin(radii - m.corner[i].gap, -d.distance);  // rounding aside, no corner is deeper
-    out[i] = (gv_contact_point){gv_transform(*T_world_b, middle), n_world, depth, m.corner[i].face_b};
+    out[i] = (gv_contact_point){gv_transform(*T_world_b, middle), cache->normal_world, depth, m.corner[i].face_b};
   }
   return m.count;
 }

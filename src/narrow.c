@@ -199,12 +199,16 @@ void gv_distance_in_b(const gv_shape *a, const gv_pose *T_world_a, const gv_shap
   out->on_b = gv_mad(out->on_a, -out->distance, out->normal_world);
 }
 
+void gv_distance_to_world(const gv_pose *T_world_b, const gv_pair_cache *cache, gv_distance *io) {
+  io->normal_world = cache->normal_world;
+  if (io->method == GV_NARROW_FAR) return;
+  io->on_a = gv_transform(*T_world_b, io->on_a);
+  io->on_b = gv_transform(*T_world_b, io->on_b);
+}
+
 void gv_distance_pair(const gv_shape *a, const gv_pose *T_world_a, const gv_shape *b, const gv_pose *T_world_b,
                       double max_distance, gv_pair_cache *cache, gv_distance *out) {
   gv_cso cso;
   gv_distance_in_b(a, T_world_a, b, T_world_b, max_distance, cache, &cso, out);
-  out->normal_world = cache->normal_world;
-  if (out->method == GV_NARROW_FAR) return;
-  out->on_a = gv_transform(*T_world_b, out->on_a);
-  out->on_b = gv_transform(*T_world_b, out->on_b);
+  gv_distance_to_world(T_world_b, cache, out);
 }
