@@ -52,13 +52,13 @@ static void keep_point(search *s) {
   s->count++;
 }
 
-// Seeds: four corners around the guess (on the face itself, where the obstacle has one there), the far
-// side, and two sideways.
+// Seeds: four corners around the guess (on the face itself, where the obstacle has one there), then once around the
+// obstacle: sideways, the far side, the other side. Each climb starts at the last one's end.
 static void ask_seeds(search *s, gv_vec3 guess) {
   gv_vec3 t = gv_any_perpendicular(guess), u = gv_cross(guess, t);
   const double tilt = 0.02;
-  const gv_vec3 direction[SEEDS] = {gv_neg(guess), gv_mad(guess, tilt, t), gv_mad(guess, -tilt, t),
-                                    gv_mad(guess, tilt, u), gv_mad(guess, -tilt, u), t, gv_neg(t)};
+  const gv_vec3 direction[SEEDS] = {gv_mad(guess, -tilt, t), gv_mad(guess, tilt, u), gv_mad(guess, -tilt, u), gv_mad(guess, tilt, t),
+                                    t, gv_neg(guess), gv_neg(t)};
   for (int i = 0; i < SEEDS; i++) {
     (void)ask(s, direction[i]);
     keep_point(s);
