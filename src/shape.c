@@ -1,25 +1,13 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // Support functions and bounds of the shapes: h_S(d), the farthest point of a shape along a direction,
-// which is all that the narrow phase knows of a shape (Eqn 5 to 7 of the paper). A large hull is
-// climbed along its edges from the last answer, a small one is scanned. Pure; any thread.
+// which is all that the narrow phase knows of a shape (Eqn 5 to 7 of the paper). A hull is climbed along
+// its edges from the last answer. Pure; any thread.
 #include "cso.h"
-
-enum { SCAN_UP_TO = 16 };  // vertices: below, a scan is faster than climbing
-
-static int scan_hull(const gv_hull *hull, gv_vec3 d) {
-  int best = 0;
-  double high = gv_dot(hull->vertex[0], d);
-  for (int i = 1; i < hull->vertex_count; i++) {
-    double height = gv_dot(hull->vertex[i], d);
-    if (height > high) high = height, best = i;
-  }
-  return best;
-}
 
 // A vertex none of whose neighbours is higher is a highest one: the edges of a convex polyhedron span
 // its cone. Each move is strictly upwards, so no vertex comes twice and the loop ends.
-static int climb_hull(const gv_hull *hull, gv_vec3 d, int start) {
-  int here = start, last = -1;
+int gv_hull_support(const gv_hull *hull, gv_vec3 d, int start) {
+  int here = start < hull->vertex_count ? start : 0, last = -1;
   double high = gv_dot(hull->vertex[here], d);
   while (here != last) {
     last = here;
@@ -29,11 +17,6 @@ static int climb_hull(const gv_hull *hull, gv_vec3 d, int start) {
     }
   }
   return here;
-}
-
-int gv_hull_support(const gv_hull *hull, gv_vec3 d, int start) {
-  if (hull->vertex_count <= SCAN_UP_TO) return scan_hull(hull, d);
-  return climb_hull(hull, d, start < hull->vertex_count ? start : 0);
 }
 
 static gv_vec3 column(const gv_mat3 *R, int k) { return gv_v3(R->m[0][k], R->m[1][k], R->m[2][k]); }
