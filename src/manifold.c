@@ -190,25 +190,39 @@ static int face_across(const gv_hull *hull, int face, int k) {
   return hull->neighbor_face[e];
 }
 
+// Where a segment that has come over the face leaves it, towards its end (0 or 1): how far along, and over which side.
+static double leave_face(const polygon *face, gv_vec3 up, const polygon *segment, bool to_end, int *out_side) {
+  gv_vec3 p = segment->p[0], along = gv_sub(segment->p[1], p);
+  double at = to_end ? 1 : 0;
+  *out_side = -1;
+  for (int k = 0; k < face->count; k++) {
+    gv_vec3 outward = prism_side(face, k, up);
+    double slope = gv_dot(outward, along);
+    if (to_end ? slope <= 0 : slope >= 0) continue;
+    double t = (on_side * gv_norm(outward) - gv_dot(outward, gv_sub(p, face->p[k]))) / slope;
+    if (to_end ? t < at : t > at) at = t, *out_side = k;
+  }
+  return at;
+}
+
 typedef struct limb_end { double at, gap; uint16_t face; } limb_end;
 
 // From `face`, over which `part` of the segment lies, on over the neighbouring faces towards its end (0 or 1),
 // while they are neither steep nor out of reach. A limb along an edge lies half over one face and half over the other.
 static limb_end walk_limb(const gv_core *core, const polygon *face, span part, gv_vec3 up, double limit, const polygon *segment, bool to_end) {
   polygon side;
-  limb_end end = {0, HUGE_VAL, face->face};
   gv_vec3 along = gv_sub(segment->p[1], segment->p[0]);
-  for (int steps = 0; steps < WALK; steps++) {
-    if (steps > 0 && !clip_segment(face, up, segment, &part)) break;
-    double at = to_end ? part.to : part.from, gap = gap_over(face, up, gv_mad(segment->p[0], at, along));
-    if (steps > 0 && (gap > limit || (to_end ? at <= end.at : at >= end.at))) break;
-    end = (limb_end){at, gap, face->face};
-    int leaves = to_end ? part.to_side : part.from_side;
-    if (leaves < 0 || core->kind != GV_CORE_HULL || end.gap > limit) break;
-    int next = face_across(core->hull, face->face, leaves);
+  double at = to_end ? part.to : part.from;
+  int leaves = to_end ? part.to_side : part.from_side;
+  limb_end end = {at, gap_over(face, up, gv_mad(segment->p[0], at, along)), face->face};
+  for (int steps = 0; steps < WALK && leaves >= 0 && core->kind == GV_CORE_HULL && end.gap <= limit; steps++) {
+    int next = face_across(core->hull, end.face, leaves);
     if (gv_dot(hull_turn(core, core->hull->face_normal[next]), up) < steep) break;
     take_hull_face(core, next, &side);
-    face = &side;
+    at = leave_face(&side, up, segment, to_end, &leaves);
+    double gap = gap_over(&side, up, gv_mad(segment->p[0], at, along));
+    if (gap > limit || (to_end ? at <= end.at : at >= end.at)) break;
+    end = (limb_end){at, gap, side.face};
   }
   return end;
 }
