@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// From poses to contacts: bounds of limbs and pieces (broad phase), manifolds of the pairs whose bounds meet
-// (narrow phase), and for each point its friction, its direction of predicted slip and its place in the
+// From poses to contacts: boxes of limbs and objects in the world, where they meet those of limbs and pieces in the
+// object's own frame, made once (broad phase), manifolds of the pairs whose boxes meet (narrow phase), and for each point its friction, its direction of predicted slip and its place in the
 // list. Gaps that may close within the step count too: the solver lets them close, not overshoot, so a
 // limb stops on the surface and not a step's travel inside. Real-time thread.
 #include "engine_state.h"
@@ -20,47 +20,73 @@ static bool boxes_meet(const gv_aabb *a, const gv_aabb *b) {
          a->min.z <= b->max.z && b->min.z <= a->max.z;
 }
 
-static void grow_box(gv_aabb *box, double by) {
-  box->min = gv_sub(box->min, gv_v3(by, by, by));
-  box->max = gv_add(box->max, gv_v3(by, by, by));
-}
-
-static void join_box(gv_aabb *box, const gv_aabb *other) {
-  box->min = gv_v3(fmin(box->min.x, other->min.x), fmin(box->min.y, other->min.y), fmin(box->min.z, other->min.z));
-  box->max = gv_v3(fmax(box->max.x, other->max.x), fmax(box->max.y, other->max.y), fmax(box->max.z, other->max.z));
-}
-
 // How far the surface of a body can come in one step, plus its half of the contact margin.
 static double body_margin(const gv_engine *e, const gv_limb_state *s, double reach) {
   double travel = e->cfg.step_s * (gv_norm(s->v) + gv_norm(s->w) * reach);
-  return 0.5 * e->cfg.contact_margin_m + fmin(travel, 0.02);
+  return 0.5 * e->cfg.contact_margin_m + (travel < 0.02 ? travel : 0.02);
+}
+
+static gv_vec3 column(const gv_mat3 *R, int k) { return gv_v3(R->m[0][k], R->m[1][k], R->m[2][k]); }
+static gv_vec3 absolute(gv_vec3 a) { return gv_v3(fabs(a.x), fabs(a.y), fabs(a.z)); }
+
+// The box around center +- reach, grown by `by`.
+static gv_aabb make_box(gv_vec3 center, gv_vec3 reach, double by) {
+  reach = gv_add(reach, gv_v3(by, by, by));
+  return (gv_aabb){gv_sub(center, reach), gv_add(center, reach)};
+}
+
+// The box around a box that is turned by R and moved by p.
+static gv_aabb turned_box(const gv_mat3 *R, gv_vec3 p, const gv_aabb *box, double by) {
+  gv_vec3 center = gv_scale(gv_add(box->min, box->max), 0.5), half = gv_scale(gv_sub(box->max, box->min), 0.5), reach = gv_v3(0, 0, 0);
+  reach = gv_mad(reach, half.x, absolute(column(R, 0)));
+  reach = gv_mad(reach, half.y, absolute(column(R, 1)));
+  reach = gv_mad(reach, half.z, absolute(column(R, 2)));
+  return make_box(gv_add(p, gv_mat3_mul(R, center)), reach, by);
+}
+
+// The first column of q's matrix.
+static gv_vec3 x_axis(gv_quat q) {
+  return gv_v3(1.0 - 2.0 * (q.y * q.y + q.z * q.z), 2.0 * (q.x * q.y + q.w * q.z), 2.0 * (q.x * q.z - q.w * q.y));
+}
+
+static void bound_limb(gv_engine *e, int i) {
+  const gv_shape *shape = &e->limb_shape[i];
+  gv_limb_state *s = &e->predicted[i];
+  gv_vec3 *axis = e->limb_axis[i];
+  gv_dynamics_predict(e->dyn, i, s);
+  e->margin[i] = body_margin(e, s, e->limb_reach[i]);
+  axis[0] = gv_scale(x_axis(s->T.q), shape->half.x);
+  gv_vec3 reach = absolute(axis[0]);
+  if (i == GV_LIMB_PALM) {
+    const gv_mat3 R = gv_mat3_from_quat(s->T.q);
+    axis[1] = gv_scale(column(&R, 1), shape->half.y);
+    axis[2] = gv_scale(column(&R, 2), shape->half.z);
+    reach = gv_add(reach, gv_add(absolute(axis[1]), absolute(axis[2])));
+  }
+  e->limb_box[i] = make_box(s->T.p, reach, shape->radius + e->margin[i]);
 }
 
 static void bound_limbs(gv_engine *e) {
-  for (int i = 0; i < GV_LIMBS; i++) {
-    gv_aabb *box = &e->limb_box[i];
-    gv_limb_state *s = &e->predicted[i];
-    *s = gv_dynamics_predict(e->dyn, i);
-    e->margin[i] = body_margin(e, s, e->limb_reach[i]);
-    gv_shape_aabb(&e->limb_shape[i], &s->T, &box->min, &box->max);
-    grow_box(box, e->margin[i]);
-    if (i == 0) e->hand_box = *box;
-    else join_box(&e->hand_box, box);
-  }
+  for (int i = 0; i < GV_LIMBS; i++) bound_limb(e, i);
+  e->hand_box = e->limb_box[0];
+  for (int i = 1; i < GV_LIMBS; i++) gv_aabb_join(&e->hand_box, &e->limb_box[i]);
+}
+
+// A limb's box in an object's frame, which is turned by R, grown by both margins.
+static gv_aabb limb_box_in(const gv_engine *e, int limb, int o, const gv_mat3 *R) {
+  const gv_vec3 *axis = e->limb_axis[limb];
+  gv_vec3 reach = absolute(gv_mat3_mul_t(R, axis[0]));
+  if (limb == GV_LIMB_PALM) reach = gv_add(reach, gv_add(absolute(gv_mat3_mul_t(R, axis[1])), absolute(gv_mat3_mul_t(R, axis[2]))));
+  gv_vec3 p = gv_sub(e->predicted[limb].T.p, e->predicted[GV_LIMBS + o].T.p);
+  return make_box(gv_mat3_mul_t(R, p), reach, e->limb_shape[limb].radius + e->margin[limb] + e->margin[GV_LIMBS + o]);
 }
 
 static void bound_object(gv_engine *e, int o) {
-  const gv_object *object = &e->scene->object[o];
   gv_limb_state *s = &e->predicted[GV_LIMBS + o];
-  *s = gv_dynamics_predict(e->dyn, GV_LIMBS + o);
+  gv_dynamics_predict(e->dyn, GV_LIMBS + o, s);
   e->margin[GV_LIMBS + o] = body_margin(e, s, e->object_reach[o]);
-  for (int i = object->piece_first; i < object->piece_first + object->piece_count; i++) {
-    gv_aabb *box = &e->piece_box[i];
-    gv_shape_aabb(&e->piece_shape[i], &s->T, &box->min, &box->max);
-    grow_box(box, e->margin[GV_LIMBS + o]);
-    if (i == object->piece_first) e->object_box[o] = *box;
-    else join_box(&e->object_box[o], box);
-  }
+  const gv_mat3 R = gv_mat3_from_quat(s->T.q);
+  e->object_box[o] = turned_box(&R, s->T.p, &e->body_box[o], e->margin[GV_LIMBS + o]);
 }
 
 // Velocity of a body's point after the step without contacts.
@@ -77,11 +103,16 @@ static int contact_slot(gv_engine *e, double depth) {
   return depth > e->contact[shallow].depth_m ? shallow : -1;
 }
 
+// The friction pyramid is exact along its first direction: it lies along the coming slip.
+static gv_vec3 friction_dir(gv_vec3 slip, gv_vec3 normal) {
+  double n = gv_norm(slip);
+  return n > 1e-6 ? gv_scale(slip, 1.0 / n) : gv_any_perpendicular(normal);
+}
+
 static void add_contact(gv_engine *e, const pair *p, const gv_contact_point *k, const gv_limb_state *a, const gv_limb_state *b) {
   gv_vec3 v = gv_sub(point_velocity(a, k->position_world), point_velocity(b, k->position_world));
   double approach = -gv_dot(v, k->normal_world);
-  if (-k->depth > 0.5 * e->cfg.contact_margin_m + e->cfg.step_s * fmax(0.0, approach)) return;
-  gv_vec3 slip = gv_mad(v, approach, k->normal_world), any = gv_any_perpendicular(k->normal_world);
+  if (-k->depth > 0.5 * e->cfg.contact_margin_m + e->cfg.step_s * (approach > 0.0 ? approach : 0.0)) return;
   int i = contact_slot(e, k->depth);
   if (i < 0) return;
   e->contact[i] = (gv_contact){
@@ -90,8 +121,8 @@ static void add_contact(gv_engine *e, const pair *p, const gv_contact_point *k, 
     .position_world = k->position_world, .normal_world = k->normal_world, .depth_m = k->depth, .face = k->face_b};
   e->solver_contact[i] = (gv_dynamics_contact){
     .body_a = p->body_a, .body_b = p->body_b, .position = k->position_world, .normal = k->normal_world,
-    // The friction pyramid is exact along its first direction: lay it along the coming slip.
-    .friction_dir = gv_norm(slip) > 1e-6 ? gv_normalize_or(slip, any) : any, .depth = k->depth, .friction = p->rub.friction, .mu = p->rub.mu};
+    .friction_dir = friction_dir(gv_mad(v, approach, k->normal_world), k->normal_world),
+    .depth = k->depth, .friction = p->rub.friction, .mu = p->rub.mu};
   if (k->depth > e->counters.depth_max_m) e->counters.depth_max_m = k->depth;
 }
 
@@ -128,35 +159,46 @@ static rub rub_between(const gv_engine *e, rub a, rub b) {
   return (rub){a.friction, sqrt(a.mu * b.mu), GV_MATERIAL_NONE};
 }
 
-static void collide_limb(gv_engine *e, int limb, int o) {
+static void collide_limb_piece(gv_engine *e, int limb, int o, int piece, rub rubbing) {
+  collide_pair(e, &(pair){limb, GV_LIMBS + o, &e->limb_shape[limb], &e->piece_shape[piece], e->margin[limb] + e->margin[GV_LIMBS + o],
+                          rubbing, &e->limb_cache[limb * e->scene->piece_count + piece]});
+}
+
+static void collide_limb(gv_engine *e, int limb, int o, const gv_mat3 *R, rub rubbing) {
+  const int first = e->scene->object[o].piece_first, count = e->scene->object[o].piece_count;
+  const gv_aabb box = limb_box_in(e, limb, o, R), *of_piece = &e->piece_box[first];
+  for (int i = 0; i < count; i++)
+    if (boxes_meet(&box, &of_piece[i])) collide_limb_piece(e, limb, o, first + i, rubbing);
+}
+
+static void collide_hand_object(gv_engine *e, int o) {
   const gv_object *object = &e->scene->object[o];
-  const gv_aabb *box = &e->limb_box[limb];
-  double margin = e->margin[limb] + e->margin[GV_LIMBS + o];
-  rub rubbing = rub_between(e, rub_of_hand(e), rub_of_object(object));
-  for (int i = object->piece_first; i < object->piece_first + object->piece_count; i++) {
-    if (!boxes_meet(box, &e->piece_box[i])) continue;
-    collide_pair(e, &(pair){limb, GV_LIMBS + o, &e->limb_shape[limb], &e->piece_shape[i], margin, rubbing,
-                            &e->limb_cache[limb * e->scene->piece_count + i]});
+  const rub rubbing = rub_between(e, rub_of_hand(e), rub_of_object(object));
+  const gv_mat3 R = gv_mat3_from_quat(e->predicted[GV_LIMBS + o].T.q);
+  for (int i = 0; i < GV_LIMBS; i++) {
+    if (!boxes_meet(&e->limb_box[i], &e->object_box[o])) continue;
+    if (object->piece_count > 1) collide_limb(e, i, o, &R, rubbing);
+    else collide_limb_piece(e, i, o, object->piece_first, rubbing);  // the object's box is the piece's
   }
 }
 
 static void collide_hand(gv_engine *e) {
-  for (int o = 0; o < e->scene->object_count; o++) {
-    if (!boxes_meet(&e->hand_box, &e->object_box[o])) continue;
-    for (int i = 0; i < GV_LIMBS; i++)
-      if (boxes_meet(&e->limb_box[i], &e->object_box[o])) collide_limb(e, i, o);
-  }
+  for (int o = 0; o < e->scene->object_count; o++)
+    if (boxes_meet(&e->hand_box, &e->object_box[o])) collide_hand_object(e, o);
 }
 
-// a moves; b may be static or at rest.
+// a moves; b may be static or at rest. The boxes of a's pieces come into b's frame.
 static void collide_objects(gv_engine *e, int a, int b) {
   const gv_object *A = &e->scene->object[a], *B = &e->scene->object[b];
-  double margin = e->margin[GV_LIMBS + a] + e->margin[GV_LIMBS + b];
+  const gv_pose T_b_a = gv_pose_mul(gv_pose_inv(e->predicted[GV_LIMBS + b].T), e->predicted[GV_LIMBS + a].T);
+  const gv_mat3 R = gv_mat3_from_quat(T_b_a.q);
+  const double margin = e->margin[GV_LIMBS + a] + e->margin[GV_LIMBS + b];
   rub rubbing = rub_between(e, rub_of_object(A), rub_of_object(B));
   for (int i = A->piece_first; i < A->piece_first + A->piece_count; i++) {
-    if (!boxes_meet(&e->piece_box[i], &e->object_box[b])) continue;
+    const gv_aabb box = turned_box(&R, T_b_a.p, &e->piece_box[i], margin);
+    if (!boxes_meet(&box, &e->body_box[b])) continue;
     for (int j = B->piece_first; j < B->piece_first + B->piece_count; j++) {
-      if (!boxes_meet(&e->piece_box[i], &e->piece_box[j])) continue;
+      if (!boxes_meet(&box, &e->piece_box[j])) continue;
       int high = i > j ? i : j, low = i > j ? j : i;
       collide_pair(e, &(pair){GV_LIMBS + a, GV_LIMBS + b, &e->piece_shape[i], &e->piece_shape[j], margin, rubbing,
                               &e->piece_cache[high * (high - 1) / 2 + low]});
@@ -166,9 +208,15 @@ static void collide_objects(gv_engine *e, int a, int b) {
 
 static bool is_moving(const gv_engine *e, int o) { return !e->scene->object[o].is_static && !e->resting[o]; }
 
-static void bound_objects(gv_engine *e) {
+static void list_moving(gv_engine *e) {
+  e->moving_count = 0;
   for (int o = 0; o < e->scene->object_count; o++)
-    if (is_moving(e, o) || e->counters.steps == 0) bound_object(e, o);
+    if (is_moving(e, o)) e->moving[e->moving_count++] = o;
+}
+
+static void bound_objects(gv_engine *e) {
+  for (int i = 0; i < e->moving_count; i++) bound_object(e, e->moving[i]);
+  for (int o = 0; o < e->scene->object_count && e->counters.steps == 0; o++) bound_object(e, o);
 }
 
 // ---- objects at rest ------------------------------------------------------------------------------
@@ -190,26 +238,30 @@ static bool hand_is_near(const gv_engine *e, int o) {
   return false;
 }
 
-// Something that moves has come near, or a push from outside.
+// Something that moves has come near.
 static bool is_disturbed(const gv_engine *e, int o) {
-  if (gv_dynamics_pushed(e->dyn, GV_LIMBS + o) || hand_is_near(e, o)) return true;
-  for (int k = 0; k < e->scene->object_count; k++)
-    if (is_moving(e, k) && e->still_steps[k] == 0 && boxes_meet(&e->object_box[k], &e->object_box[o])) return true;
+  if (hand_is_near(e, o)) return true;
+  for (int i = 0; i < e->moving_count; i++)
+    if (boxes_meet(&e->object_box[e->moving[i]], &e->object_box[o]) && e->still_steps[e->moving[i]] == 0) return true;
   return false;
 }
 
+// One that wakes disturbs those behind it in the same step, the others in the next.
 static void wake_objects(gv_engine *e) {
+  const int count = e->moving_count;
   for (int o = 0; o < e->scene->object_count; o++) {
     if (!e->resting[o] || !is_disturbed(e, o)) continue;
     gv_engine_wake_object(e, o);
     bound_object(e, o);
+    e->moving[e->moving_count++] = o;
   }
+  if (e->moving_count > count) list_moving(e);
 }
 
 void gv_engine_put_to_rest(gv_engine *e) {
   const int enough = (int)(e->cfg.rest_s / e->cfg.step_s);
-  for (int o = 0; o < e->scene->object_count; o++) {
-    if (!is_moving(e, o)) continue;
+  for (int i = 0; i < e->moving_count; i++) {
+    const int o = e->moving[i];
     const gv_limb_state *s = gv_dynamics_state(e->dyn, GV_LIMBS + o);
     bool still = gv_norm(s->v) + gv_norm(s->w) * e->object_reach[o] < still_m_s;
     e->still_steps[o] = still ? e->still_steps[o] + 1 : 0;
@@ -224,17 +276,17 @@ void gv_engine_put_to_rest(gv_engine *e) {
 // Pairs of which one moves, each once.
 static void collide_moving(gv_engine *e, int a) {
   for (int b = 0; b < e->scene->object_count; b++)
-    if (b != a && (b > a || !is_moving(e, b)) && boxes_meet(&e->object_box[a], &e->object_box[b])) collide_objects(e, a, b);
+    if (b != a && boxes_meet(&e->object_box[a], &e->object_box[b]) && (b > a || !is_moving(e, b))) collide_objects(e, a, b);
 }
 
 void gv_engine_collide(gv_engine *e) {
   e->contact_count = e->pair_count = 0;
+  list_moving(e);
   if (e->placed) bound_limbs(e);
   bound_objects(e);
   wake_objects(e);
   if (e->placed) collide_hand(e);
-  for (int a = 0; a < e->scene->object_count; a++)
-    if (is_moving(e, a)) collide_moving(e, a);
+  for (int i = 0; i < e->moving_count; i++) collide_moving(e, e->moving[i]);
   if ((uint32_t)e->pair_count > e->counters.pairs_max) e->counters.pairs_max = (uint32_t)e->pair_count;
   if ((uint32_t)e->contact_count > e->counters.contacts_max) e->counters.contacts_max = (uint32_t)e->contact_count;
 }

@@ -310,13 +310,12 @@ gv_vec3 gv_dynamics_gravity(const gv_dynamics *dyn) { return dyn->gravity; }
 
 double gv_dynamics_mass(const gv_dynamics *dyn, int body) { return dyn->body[body] ? dyn->mass[body] : 0.0; }
 
-gv_limb_state gv_dynamics_predict(const gv_dynamics *dyn, int body) {
-  gv_limb_state s = dyn->state[body];
-  if (!dyn->body[body] || (body >= GV_LIMBS && !dyn->in_ode[body])) { s.v = s.w = gv_v3(0, 0, 0); return s; }
+void gv_dynamics_predict(const gv_dynamics *dyn, int body, gv_limb_state *out) {
   double h = dyn->cfg->step_s;
-  s.v = gv_mad(s.v, h * dyn->inv_mass[body], dyn->force[body]);
-  if (body >= GV_LIMBS) s.v = gv_mad(s.v, h, dyn->gravity);
-  return s;
+  *out = dyn->state[body];
+  if (!dyn->body[body] || (body >= GV_LIMBS && !dyn->in_ode[body])) { out->v = out->w = gv_v3(0, 0, 0); return; }
+  out->v = gv_mad(out->v, h * dyn->inv_mass[body], dyn->force[body]);
+  if (body >= GV_LIMBS) out->v = gv_mad(out->v, h, dyn->gravity);
 }
 
 void gv_dynamics_add_force(gv_dynamics *dyn, int body, gv_vec3 f, gv_vec3 t) {

@@ -45,7 +45,7 @@ void gv_dynamics_forget(gv_dynamics *dyn);
 gv_vec3 gv_dynamics_gravity(const gv_dynamics *dyn);
 double gv_dynamics_mass(const gv_dynamics *dyn, int body); // 0: static
 // Velocity that a body would have after the step without contacts.
-gv_limb_state gv_dynamics_predict(const gv_dynamics *dyn, int body);
+void gv_dynamics_predict(const gv_dynamics *dyn, int body, gv_limb_state *out);
 
 void gv_dynamics_add_force(gv_dynamics *dyn, int body, gv_vec3 f, gv_vec3 t);
 // One step (Eqn 11 to 18). force_on_a[i] receives contact i's force. Returns the solver that found them.

@@ -56,7 +56,11 @@ static void make_pieces(gv_engine *e) {
     const gv_object *object = &e->scene->object[o];
     for (int i = object->piece_first; i < object->piece_first + object->piece_count; i++) {
       const gv_hull *hull = &e->scene->piece[i];
+      const gv_vec3 r = {hull->radius, hull->radius, hull->radius};
       e->piece_shape[i] = gv_shape_hull(hull);
+      e->piece_box[i] = (gv_aabb){gv_sub(hull->aabb_min, r), gv_add(hull->aabb_max, r)};
+      if (i == object->piece_first) e->body_box[o] = e->piece_box[i];
+      else gv_aabb_join(&e->body_box[o], &e->piece_box[i]);
       for (int v = 0; v < hull->vertex_count; v++)
         e->object_reach[o] = fmax(e->object_reach[o], gv_norm(hull->vertex[v]) + hull->radius);
     }
@@ -195,14 +199,19 @@ static bool state_sound(const gv_limb_state *s) {  // what is not finite is not 
          gv_norm2(s->v) < FAST_M_S * FAST_M_S && gv_norm2(s->w) < SPIN_RAD_S * SPIN_RAD_S;
 }
 
+static void put_back(gv_engine *e, int body, const gv_pose *T_start) {
+  gv_dynamics_set_state(e->dyn, body, &(gv_limb_state){.T = *T_start});
+  e->events |= GV_EVENT_BODY_RESET;
+  e->counters.body_resets++;
+}
+
 static void guard_states(gv_engine *e) {
-  const gv_limb_state *state = gv_dynamics_state(e->dyn, 0);
-  for (int i = 0; i < GV_LIMBS + e->scene->object_count; i++) {
-    if (state_sound(&state[i])) continue;
-    gv_limb_state start = {.T = i < GV_LIMBS ? e->driver[i].T : e->scene->object[i - GV_LIMBS].T_world_body};
-    gv_dynamics_set_state(e->dyn, i, &start);
-    e->events |= GV_EVENT_BODY_RESET;
-    e->counters.body_resets++;
+  const gv_limb_state *limb = gv_dynamics_state(e->dyn, 0), *object = gv_dynamics_state(e->dyn, GV_LIMBS);
+  for (int i = 0; i < GV_LIMBS; i++)
+    if (!state_sound(&limb[i])) put_back(e, i, &e->driver[i].T);
+  for (int i = 0; i < e->moving_count; i++) {
+    const int o = e->moving[i];
+    if (!state_sound(&object[o])) put_back(e, GV_LIMBS + o, &e->scene->object[o].T_world_body);
   }
 }
 

@@ -12,6 +12,12 @@
 
 typedef struct gv_aabb { gv_vec3 min, max; } gv_aabb;
 
+static inline void gv_aabb_join(gv_aabb *box, const gv_aabb *other) {
+  const gv_vec3 a = other->min, b = other->max;
+  box->min = gv_v3(a.x < box->min.x ? a.x : box->min.x, a.y < box->min.y ? a.y : box->min.y, a.z < box->min.z ? a.z : box->min.z);
+  box->max = gv_v3(b.x > box->max.x ? b.x : box->max.x, b.y > box->max.y ? b.y : box->max.y, b.z > box->max.z ? b.z : box->max.z);
+}
+
 struct gv_engine {
   gv_config cfg;
   const gv_scene *scene;
@@ -32,13 +38,16 @@ struct gv_engine {
   bool placed;
   // collision: bounds of this step, caches from step to step
   gv_shape *piece_shape;               // [piece_count]
-  gv_aabb *piece_box;                  // [piece_count] world, grown by the object's margin
-  gv_aabb object_box[GV_MAX_OBJECTS];
-  gv_aabb limb_box[GV_LIMBS], hand_box; // the same of the limbs, and around all of them
+  gv_aabb *piece_box;                  // [piece_count] in the object's own frame
+  gv_aabb body_box[GV_MAX_OBJECTS];    // around the pieces of each, own frame
+  gv_aabb object_box[GV_MAX_OBJECTS];  // the same in the world, grown by the object's margin
+  gv_vec3 limb_axis[GV_LIMBS][3];      // half extents of the cores along the limbs' axes, world; a segment has the first
+  gv_aabb limb_box[GV_LIMBS], hand_box; // world, grown by the limbs' margins; around all of them
   double margin[GV_BODIES];            // how far each body's surface may come in this step, m
   gv_limb_state predicted[GV_BODIES];  // poses of this step, velocities as they would be after it without contacts
   int still_steps[GV_MAX_OBJECTS];     // how long an object has not moved
   bool resting[GV_MAX_OBJECTS];        // not simulated until something comes near
+  int moving_count, moving[GV_MAX_OBJECTS]; // objects that are simulated in this step, in their order
   double object_reach[GV_MAX_OBJECTS]; // farthest vertex from the body's origin, m
   gv_pair_cache *limb_cache;           // [GV_LIMBS][piece_count]
   gv_pair_cache *piece_cache;          // [piece_count (piece_count - 1) / 2]

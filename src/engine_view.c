@@ -31,6 +31,7 @@ void gv_engine_memory(const gv_engine *e, size_t *out_used, size_t *out_peak, si
 double gv_engine_energy(const gv_engine *e) { return gv_dynamics_object_energy(e->dyn); }
 void gv_engine_push_object(gv_engine *e, int object, gv_vec3 f_world, gv_vec3 t_world) {
   gv_dynamics_add_force(e->dyn, GV_LIMBS + object, f_world, t_world);
+  if (gv_dynamics_pushed(e->dyn, GV_LIMBS + object)) gv_engine_wake_object(e, object);
 }
 void gv_engine_set_object(gv_engine *e, int object, gv_pose T_world_body, gv_vec3 v, gv_vec3 w) {
   for (int o = 0; o < e->scene->object_count; o++) gv_engine_wake_object(e, o);  // it may have carried others
