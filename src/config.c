@@ -19,7 +19,7 @@ gv_config gv_config_default(void) {
     .mu_hand = 0.8,
     .friction = GV_FRICTION_PYRAMID,
     .contact_erp = 0.2, .contact_cfm = 1e-3,   // 2e5 N/m and 800 N s/m at 1 ms
-    .world_cfm = 1e-10,
+    .world_cfm = 1e-9,
     .contact_margin_m = 0.0005,
     .solver = GV_SOLVER_AUTO, .dantzig_contacts = 24, .quick_iterations = 50,
     .rest_s = 0.2,
@@ -33,6 +33,7 @@ gv_config gv_config_paper(void) {
   c.limb = c.palm = (gv_coupling){200.0, 800.0 * 0.004, 0.48, 0.06 * 0.004};
   c.rotation_law = GV_ROTATION_PAPER;
   c.limb_gravity = true;
+  c.world_cfm = 1e-10;
   c.contact_erp = 0.01; c.contact_cfm = 0.01;  // on the normal row; as world values they drop every object
   c.friction = GV_FRICTION_FIXED_LIMIT;
   c.mu_hand = 200.0;

@@ -1,242 +1,471 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// The contact problem (Eqn 11 to 18) as ODE states it, solved by block pivoting (Judice and Pires 1994): guess which
-// contacts are open, hold or slide, solve the linear system that remains, and let every row that contradicts its
-// guess change sides, after a few rounds one contact at a time. While a hand holds an object the last step's guess
-// is right at once: one factorization in place of Dantzig's row by row. A friction row that slides is at its limit,
-// mu times the normal impulse of its own contact (the friction pyramid alone). Where the guesses do not settle the
-// caller asks ODE. Real-time thread.
+// The contact problem (Eqn 11 to 18) as ODE states it, in the velocities v of the bodies that touch:
 //
-// In impulses x = h f:  (J M^-1 J^T + cfm / h) x = c - J v,  c the velocity that takes back depth, or closes a gap.
+//   M (v - v_free) = J^T x(J v)
+//
+// A row's impulse x follows from its relative velocity u: a normal row pushes with (asked - u) stiff, but never pulls;
+// a friction row holds with -u stiff up to its limit, mu times the normal impulse of its own contact (the friction
+// pyramid). These are straight pieces, and Newton's method ends, exactly, on the piece where it solves itself.
+// - It starts on the last step's pieces. While a hand holds an object they are right, and one factorization will do.
+// - Else it is bold: full steps, with the friction limits moving along with the normal impulses (which makes the
+//   matrix unsymmetric). A few of them mostly settle it.
+// - Where they do not, it takes the friction limits as given, those of the last step. The problem is then convex, has
+//   one solution, friction in it takes energy and never gives it, and Newton's method with an exact line search finds
+//   it (Castro et al. 2022). From there it is bold again. After a second such round that is the answer.
+// The cost grows with the number of contacts (blocks.c), and any number of them may say the same twice. Real-time thread.
 #include "direct.h"
 
 #include <string.h>
 
-enum { BLOCK_GUESSES = 3, GUESSES = 12 };
-static const double rounding = 1e-8;         // of an impulse, N s, or a velocity, m/s: such contradictions are none
-static const double most_out_m_s = 0.25;    // a deep limb is let out gently, not shot
+enum { BOLD = 5, SAFE = 40, ROUNDS = 2, SEARCH = 40 };
+static const double settled = 1e-9;          // N s: two impulses that differ by less are the same
+static const double most_out_m_s = 0.25;     // a deep limb is let out gently, not shot
 
-static gv_vec3 turned(const gv_direct_body *body, gv_vec3 moment) { return gv_mat3_mul(&body->inv_inertia, moment); }
+// ---- the problem ----------------------------------------------------------------------------------
 
 static double wanted_velocity(const gv_config *cfg, double depth) {
   return depth < 0.0 ? depth / cfg->step_s : fmin(cfg->contact_erp * depth / cfg->step_s, most_out_m_s);
 }
 
+static void put_row(double row[6], gv_vec3 d, gv_vec3 arm, double sign) {
+  gv_vec3 turn = gv_cross(arm, d);
+  const double all[6] = {sign * d.x, sign * d.y, sign * d.z, sign * turn.x, sign * turn.y, sign * turn.z};
+  memcpy(row, all, sizeof all);
+}
+
 static void make_rows(gv_direct *s, const gv_config *cfg, const gv_direct_body body[], const gv_dynamics_contact *c, int i) {
-  const gv_direct_body *a = &body[c->body_a], *b = &body[c->body_b];
   const gv_vec3 along[3] = {c->normal, c->friction_dir, gv_cross(c->normal, c->friction_dir)};
-  gv_vec3 arm_a = gv_sub(c->position, a->p), arm_b = gv_sub(c->position, b->p);
+  s->mu[i] = c->mu;
+  gv_vec3 arm_a = gv_sub(c->position, body[c->body_a].p), arm_b = gv_sub(c->position, body[c->body_b].p);
   for (int k = 0; k < 3; k++) {
     int r = 3 * i + k;
-    s->d[r] = along[k];
-    s->ang_a[r] = gv_cross(arm_a, along[k]);
-    s->ang_b[r] = gv_cross(arm_b, along[k]);
-    s->turn_a[r] = turned(a, s->ang_a[r]);
-    s->turn_b[r] = turned(b, s->ang_b[r]);
-    double now = gv_dot(along[k], gv_sub(a->v, b->v)) + gv_dot(s->ang_a[r], a->w) - gv_dot(s->ang_b[r], b->w);
-    s->b[r] = (k == 0 ? wanted_velocity(cfg, c->depth) : 0.0) - now;
-    s->mu[r] = c->mu;
+    put_row(s->Ja[i].m[k], along[k], arm_a, 1.0);
+    put_row(s->Jb[i].m[k], along[k], arm_b, -1.0);
+    s->asked[r] = k == 0 ? wanted_velocity(cfg, c->depth) : 0.0;
+    s->stiff[r] = cfg->step_s / (k == 0 ? cfg->contact_cfm : cfg->world_cfm);
   }
 }
 
-// One body's part in the 3 x 3 block of two contacts that share it.
-static void add_block(gv_direct *s, int i, int k, double sign, double inv_mass, const gv_vec3 ang[], const gv_vec3 turn[]) {
-  for (int r = 3 * i; r < 3 * i + 3; r++)
-    for (int c = 3 * k; c < 3 * k + 3; c++)
-      s->A[r][c] += sign * (inv_mass * gv_dot(s->d[r], s->d[c]) + gv_dot(ang[r], turn[c]));
+static void add_node(gv_direct *s, int node[GV_BODIES], const gv_direct_body body[], int b) {
+  int n = node[b] = s->nodes++;
+  s->free[n] = s->v[n] = (gv_six){{body[b].v.x, body[b].v.y, body[b].v.z, body[b].w.x, body[b].w.y, body[b].w.z}};
+  s->mass[n] = body[b].mass;
+  s->inertia[n] = body[b].inertia;
 }
 
-// The moving body that most contacts share: what the hand holds.
-static int find_shared(const gv_direct_body body[], const gv_dynamics_contact *contact, int count) {
-  int of_body[GV_BODIES] = {0}, most = contact[0].body_a;
-  for (int i = 0; i < 2 * count; i++) {
-    int b = i % 2 ? contact[i / 2].body_b : contact[i / 2].body_a;
-    if (body[b].inv_mass > 0.0 && ++of_body[b] > of_body[most]) most = b;
-  }
-  return most;
-}
-
-// The shared body's part of the whole matrix, four columns at a time (and a few to the left of the diagonal's block,
-// which the mirror image overwrites).
-static void add_shared(gv_direct *s, const gv_direct_body *shared, int shared_body, const gv_dynamics_contact *contact) {
-  int rows = 3 * s->count;
-  for (int r = 0; r < rows; r++) {
-    const gv_dynamics_contact *c = &contact[r / 3];
-    bool is_a = c->body_a == shared_body;
-    double sign = is_a ? 1.0 : c->body_b == shared_body ? -1.0 : 0.0;
-    gv_vec3 d = s->d[r], ang = is_a ? s->ang_a[r] : s->ang_b[r], turn = is_a ? s->turn_a[r] : s->turn_b[r];
-    const double own[6] = {d.x, d.y, d.z, ang.x, ang.y, ang.z};
-    const double moved[6] = {shared->inv_mass * d.x, shared->inv_mass * d.y, shared->inv_mass * d.z, turn.x, turn.y, turn.z};
-    for (int k = 0; k < 6; k++) s->own[k][r] = sign * own[k], s->moved[k][r] = sign * moved[k];
-  }
-  for (int r = 0; r < rows; r++) {
-    const double j0 = s->own[0][r], j1 = s->own[1][r], j2 = s->own[2][r], j3 = s->own[3][r], j4 = s->own[4][r], j5 = s->own[5][r];
-    for (int first = (r - r % 3) & ~3; first < rows; first += 4)
-      for (int c = first; c < first + 4; c++)
-        s->A[r][c] = j0 * s->moved[0][c] + j1 * s->moved[1][c] + j2 * s->moved[2][c] + j3 * s->moved[3][c] + j4 * s->moved[4][c] + j5 * s->moved[5][c];
-  }
-}
-
-static void make_matrix(gv_direct *s, const gv_config *cfg, const gv_direct_body body[], const gv_dynamics_contact *contact) {
-  int shared = find_shared(body, contact, s->count), rows = 3 * s->count;
-  add_shared(s, &body[shared], shared, contact);
+// Bodies that touch something: first those that go into the matrix, then the limbs with a single contact.
+static bool make_nodes(gv_direct *s, int node[GV_BODIES], const gv_direct_body body[], const gv_dynamics_contact *contact) {
+  int touched[GV_BODIES] = {0};
+  s->nodes = 0;
   for (int i = 0; i < s->count; i++) {
-    const gv_dynamics_contact *p = &contact[i];
-    bool a = p->body_a != shared, b = p->body_b != shared && body[p->body_b].inv_mass > 0.0;
-    for (int k = i; k < s->count; k++) {
-      const gv_dynamics_contact *q = &contact[k];
-      if (a && p->body_a == q->body_a) add_block(s, i, k, 1.0, body[p->body_a].inv_mass, s->ang_a, s->turn_a);
-      if (b && p->body_b == q->body_b) add_block(s, i, k, 1.0, body[p->body_b].inv_mass, s->ang_b, s->turn_b);
-      if (a && p->body_a == q->body_b) add_block(s, i, k, -1.0, body[p->body_a].inv_mass, s->ang_a, s->turn_b);
-      if (b && p->body_b == q->body_a) add_block(s, i, k, -1.0, body[p->body_b].inv_mass, s->ang_b, s->turn_a);
-    }
-    for (int r = 3 * i; r < 3 * i + 3; r++) s->A[r][r] += (r == 3 * i ? cfg->contact_cfm : cfg->world_cfm) / cfg->step_s;
+    int a = contact[i].body_a, b = contact[i].body_b;
+    touched[a] += b < GV_LIMBS ? 2 : 1;
+    touched[b] += b < GV_LIMBS ? 2 : 1;  // a limb in second place is no lone one
   }
-  for (int r = 0; r < rows; r++)
-    for (int c = 0; c < r; c++) s->A[r][c] = s->A[c][r];
+  for (int lone = 0; lone < 2; lone++) {
+    for (int b = 0; b < GV_BODIES; b++) {
+      if (lone == 0) node[b] = -1;
+      if (touched[b] > 0 && body[b].mass > 0.0 && (b < GV_LIMBS && touched[b] == 1) == lone) add_node(s, node, body, b);
+    }
+    if (lone == 0) gv_blocks_begin(&s->blocks, s->nodes);
+  }
+  for (int i = 0; i < s->count; i++) {
+    int a = s->node_a[i] = node[contact[i].body_a], b = s->node_b[i] = node[contact[i].body_b];
+    if (a >= 0 && b >= 0 && a < s->blocks.nodes && b < s->blocks.nodes) gv_blocks_link(&s->blocks, a, b);
+  }
+  return gv_blocks_order(&s->blocks);
 }
 
 // As the contact of the same bodies was in the last step; a new one holds.
 static void take_guess(gv_direct *s, const gv_dynamics_contact *contact) {
-  bool used[GV_DIRECT_CONTACTS] = {false};
+  bool used[GV_MAX_CONTACTS] = {false};
   for (int i = 0; i < s->count; i++) {
     memset(&s->row[3 * i], GV_DIRECT_HOLDS, 3);
+    for (int k = 1; k < 3; k++) s->limit[3 * i + k] = HUGE_VAL;
     for (int k = 0; k < s->last_count; k++) {
       const gv_direct_guess *g = &s->last[k];
       if (used[k] || g->body_a != contact[i].body_a || g->body_b != contact[i].body_b) continue;
       used[k] = true;
       memcpy(&s->row[3 * i], g->row, 3);
+      s->limit[3 * i + 1] = s->limit[3 * i + 2] = contact[i].mu * g->normal_impulse;
       break;
     }
   }
 }
 
-static void keep_guess(gv_direct *s, const gv_dynamics_contact *contact) {
-  s->last_count = s->count;
+// ---- pieces ---------------------------------------------------------------------------------------
+
+static double impulse_on(const gv_direct *s, int r, uint8_t piece, double u) {
+  switch (piece) {
+    case GV_DIRECT_HOLDS: return (s->asked[r] - u) * s->stiff[r];
+    case GV_DIRECT_SLIDES_UP: return s->limit[r];
+    case GV_DIRECT_SLIDES_DOWN: return -s->limit[r];
+    default: return 0.0;
+  }
+}
+
+static uint8_t piece_at(const gv_direct *s, int r, double u) {
+  double x = (s->asked[r] - u) * s->stiff[r];
+  if (r % 3 == 0) return x > 0.0 ? GV_DIRECT_HOLDS : GV_DIRECT_OPEN;
+  if (!(s->limit[r] > 0.0)) return GV_DIRECT_OPEN;
+  return x > s->limit[r] ? GV_DIRECT_SLIDES_UP : x < -s->limit[r] ? GV_DIRECT_SLIDES_DOWN : GV_DIRECT_HOLDS;
+}
+
+static gv_vec3 times_six(const gv_triple *J, const double v[6]) {
+  double u[3];
+  for (int k = 0; k < 3; k++) u[k] = J->m[k][0] * v[0] + J->m[k][1] * v[1] + J->m[k][2] * v[2] + J->m[k][3] * v[3] + J->m[k][4] * v[4] + J->m[k][5] * v[5];
+  return gv_v3(u[0], u[1], u[2]);
+}
+
+static void find_velocities(const gv_direct *s, const gv_six v[], double out_u[]) {
   for (int i = 0; i < s->count; i++) {
-    s->last[i] = (gv_direct_guess){.body_a = contact[i].body_a, .body_b = contact[i].body_b};
-    memcpy(s->last[i].row, &s->row[3 * i], 3);
+    int a = s->node_a[i], b = s->node_b[i];
+    gv_vec3 u = gv_v3(0, 0, 0);
+    if (a >= 0) u = times_six(&s->Ja[i], v[a].m);
+    if (b >= 0) u = gv_add(u, times_six(&s->Jb[i], v[b].m));
+    out_u[3 * i] = u.x, out_u[3 * i + 1] = u.y, out_u[3 * i + 2] = u.z;
   }
 }
 
-static double slide_sign(uint8_t row) { return row == GV_DIRECT_SLIDES_UP ? 1.0 : row == GV_DIRECT_SLIDES_DOWN ? -1.0 : 0.0; }
-
-// row -= f pivot from column `from` on, by whole groups of four (M has room for them; what lies before `from` is
-// not looked at any more): compilers make two or four of them one instruction, with the same bits.
-static void subtract_row(double *restrict row, const double *restrict pivot, double f, int from, int n) {
-  for (int c = from & ~3; c < n; c += 4)
-    for (int k = 0; k < 4; k++) row[c + k] -= f * pivot[c + k];
+static void set_limit(gv_direct *s, int i) {
+  s->limit[3 * i + 1] = s->limit[3 * i + 2] = s->mu[i] * impulse_on(s, 3 * i, s->row[3 * i], s->u[3 * i]);
 }
 
-// Gauss without exchange of rows on the n rows of M and y; `symmetric`: only the upper half is kept up to date.
-static bool eliminate(gv_direct *s, int n, bool symmetric) {
-  for (int k = 0; k < n; k++) {
-    const double *pivot = s->M[k];
-    if (!(pivot[k] > 1e-9)) return false;
-    double inverse = 1.0 / pivot[k];
-    for (int i = k + 1; i < n; i++) {
-      double *row = s->M[i], f = (symmetric ? pivot[i] : row[k]) * inverse;
-      if (f == 0.0) continue;
-      subtract_row(row, pivot, f, symmetric ? i : k + 1, n);
-      s->y[i] -= f * s->y[k];
-    }
+// A row to the piece that its velocity is on; true where it was there already. What slid one way and now would the
+// other way is tried holding when bold.
+static bool set_piece(gv_direct *s, int r) {
+  uint8_t piece = piece_at(s, r, s->u[r]), was = s->row[r];
+  if (piece == was || fabs(impulse_on(s, r, piece, s->u[r]) - impulse_on(s, r, was, s->u[r])) < settled) return true;
+  s->row[r] = s->bold && piece > GV_DIRECT_HOLDS && was != GV_DIRECT_HOLDS ? GV_DIRECT_HOLDS : piece;
+  return false;
+}
+
+static bool set_pieces(gv_direct *s) {
+  bool right = true;
+  for (int i = 0; i < s->count; i++) {
+    right = set_piece(s, 3 * i) && right;
+    if (s->bold) set_limit(s, i);
+    for (int k = 1; k < 3; k++) right = set_piece(s, 3 * i + k) && right;
   }
-  for (int i = n - 1; i >= 0; i--) {
-    double sum = s->y[i];
-    for (int c = i + 1; c < n; c++) sum -= s->M[i][c] * s->y[c];
-    s->y[i] = sum / s->M[i][i];
+  return right;
+}
+
+// The impulses of a contact's rows from those of the rows that hold: themselves, and friction that slides follows the normal.
+static gv_mat3 follow(const gv_direct *s, int i) {
+  const uint8_t *row = &s->row[3 * i];
+  gv_mat3 B = {{{0}}};
+  for (int k = 0; k < 3; k++) {
+    if (row[k] == GV_DIRECT_HOLDS) B.m[k][k] = 1.0;
+    else if (s->bold && k > 0 && row[0] == GV_DIRECT_HOLDS && row[k] != GV_DIRECT_OPEN)
+      B.m[k][0] = row[k] == GV_DIRECT_SLIDES_UP ? s->mu[i] : -s->mu[i];
   }
+  return B;
+}
+
+// Symmetric while nothing slides, or the friction limits do not move.
+static bool is_symmetric(const gv_direct *s) {
+  for (int r = 0; r < 3 * s->count && s->bold; r++)
+    if (s->row[r] > GV_DIRECT_HOLDS) return false;
   return true;
 }
 
-// Solves for the rows that hold; a sliding row follows its contact's normal.
-static bool solve_guess(gv_direct *s) {
-  int held[GV_DIRECT_ROWS], n = 0, rows = 3 * s->count;
-  bool symmetric = true;
-  for (int r = 0; r < rows; r++)
-    if (s->row[r] == GV_DIRECT_HOLDS) held[n++] = r;
-  for (int i = 0; i < n; i++) {
-    const double *row = s->A[held[i]];
-    s->y[i] = s->b[held[i]];
-    for (int c = 0; c < n; c++) s->M[i][c] = row[held[c]];
-  }
-  for (int c = 0; c < n; c++) {
-    int normal = held[c];
-    for (int f = normal + 1; normal % 3 == 0 && f < normal + 3; f++) {
-      double share = slide_sign(s->row[f]) * s->mu[f];
-      if (share == 0.0) continue;
-      symmetric = false;
-      for (int i = 0; i < n; i++) s->M[i][c] += share * s->A[held[i]][f];
+// ---- one iteration --------------------------------------------------------------------------------
+
+static void add_masses(gv_direct *s) {
+  for (int n = 0; n < s->nodes; n++) {
+    double *y = s->dv[n].m;
+    const double *v = s->v[n].m, *free = s->free[n].m;
+    gv_vec3 turn = gv_mat3_mul(&s->inertia[n], gv_v3(free[3] - v[3], free[4] - v[4], free[5] - v[5]));
+    for (int k = 0; k < 3; k++) y[k] = s->mass[n] * (free[k] - v[k]);
+    y[3] = turn.x, y[4] = turn.y, y[5] = turn.z;
+    if (n >= s->blocks.nodes) continue;
+    gv_block *H = gv_blocks_at(&s->blocks, n, n);
+    for (int k = 0; k < 3; k++) {
+      H->m[k][k] = s->mass[n];
+      for (int c = 0; c < 3; c++) H->m[3 + k][3 + c] = s->inertia[n].m[k][c];
     }
   }
-  if (!eliminate(s, n, symmetric)) return false;
-  memset(s->x, 0, sizeof s->x[0] * (size_t)rows);
-  for (int i = 0; i < n; i++) s->x[held[i]] = s->y[i];
-  for (int r = 0; r < rows; r++)
-    if (slide_sign(s->row[r]) != 0.0) s->x[r] = slide_sign(s->row[r]) * s->mu[r] * s->x[r - r % 3];
+}
+
+// H += J^T K.
+static void add_product(gv_block *H, const gv_triple *J, gv_triple *K) {
+  for (int i = 0; i < 6; i++) {
+    const double f[3] = {-J->m[0][i], -J->m[1][i], -J->m[2][i]};
+    gv_six_subtract(H->m[i], f, 1, K->m, 3);
+  }
+}
+
+static gv_triple times_triple(const gv_mat3 *W, gv_triple *J) {
+  gv_triple out = {{{0}}};
+  for (int r = 0; r < 3; r++) {
+    const double f[3] = {-W->m[r][0], -W->m[r][1], -W->m[r][2]};
+    gv_six_subtract(out.m[r], f, 1, J->m, 3);
+  }
+  return out;
+}
+
+// v += J^T x.
+static void add_impulse(gv_six *v, gv_triple *J, gv_vec3 x) {
+  const double f[3] = {-x.x, -x.y, -x.z};
+  gv_six_subtract(v->m, f, 1, J->m, 3);
+}
+
+static bool is_lone(const gv_direct *s, int i) { return s->node_a[i] >= s->blocks.nodes; }
+
+// Impulses of contact i as they are now, on both bodies. Of a limb with one contact only those that stay: the others come as
+// a whole later, since at the start they are a million times what they will be.
+static void add_impulses(gv_direct *s, int i) {
+  double x[3];
+  for (int k = 0; k < 3; k++) {
+    int r = 3 * i + k;
+    x[k] = is_lone(s, i) && (s->bold || s->row[r] == GV_DIRECT_HOLDS) ? 0.0 : impulse_on(s, r, s->row[r], s->u[r]);
+  }
+  if (s->node_a[i] >= 0) add_impulse(&s->dv[s->node_a[i]], &s->Ja[i], gv_v3(x[0], x[1], x[2]));
+  if (s->node_b[i] >= 0) add_impulse(&s->dv[s->node_b[i]], &s->Jb[i], gv_v3(x[0], x[1], x[2]));
+}
+
+// Velocities of a limb that impulses y give it.
+static gv_six accelerated(const gv_direct *s, int n, const gv_six *y) {
+  double m = 1.0 / s->mass[n], turn = 1.0 / s->inertia[n].m[0][0];
+  return (gv_six){{m * y->m[0], m * y->m[1], m * y->m[2], turn * y->m[3], turn * y->m[4], turn * y->m[5]}};
+}
+
+// How the impulses answer to the other body's velocity when the limb gives way: B (1 / stiff + J M^-1 J^T B)^-1 in the rows
+// that hold. A limb's mass and inertia are the same in every direction.
+static gv_mat3 lone_stiffness(const gv_direct *s, int i) {
+  const double(*J)[6] = s->Ja[i].m;
+  const gv_mat3 B = follow(s, i);
+  const double m = 1.0 / s->mass[s->node_a[i]], turn = 1.0 / s->inertia[s->node_a[i]].m[0][0];
+  gv_mat3 yields, A;
+  for (int r = 0; r < 3; r++)
+    for (int c = 0; c < 3; c++) yields.m[r][c] = turn * (J[r][3] * J[c][3] + J[r][4] * J[c][4] + J[r][5] * J[c][5]) + (r == c ? m : 0.0);
+  A = gv_mat3_times(&yields, &B);
+  for (int r = 0; r < 3; r++) {
+    if (s->row[3 * i + r] == GV_DIRECT_HOLDS) A.m[r][r] += 1.0 / s->stiff[3 * i + r];
+    else A.m[r][0] = A.m[r][1] = A.m[r][2] = 0.0, A.m[r][r] = 1.0;
+  }
+  A = gv_mat3_inverse(&A);
+  for (int r = 0; r < 3; r++)
+    if (s->row[3 * i + r] != GV_DIRECT_HOLDS) A.m[r][0] = A.m[r][1] = A.m[r][2] = 0.0;
+  return gv_mat3_times(&B, &A);
+}
+
+// A limb with one contact is solved for beforehand: to the other body its contact is a softer one.
+static void add_lone(gv_direct *s, int i) {
+  const int a = s->node_a[i], b = s->node_b[i];
+  gv_six own = accelerated(s, a, &s->dv[a]);
+  gv_mat3 K = s->lone[i] = lone_stiffness(s, i);
+  const double *now = &s->u[3 * i], *asked = &s->asked[3 * i];
+  s->lone_u[i] = gv_add(times_six(&s->Ja[i], own.m), gv_v3(now[0] - asked[0], now[1] - asked[1], now[2] - asked[2]));
+  if (b < 0) return;
+  gv_triple KJ = times_triple(&K, &s->Jb[i]);
+  add_product(gv_blocks_at(&s->blocks, b, b), &s->Jb[i], &KJ);
+  add_impulse(&s->dv[b], &s->Jb[i], gv_neg(gv_mat3_mul(&K, s->lone_u[i])));
+}
+
+// Its velocities once those of the other body are known.
+static void step_lone(gv_direct *s, int i) {
+  const int a = s->node_a[i], b = s->node_b[i];
+  gv_vec3 u = s->lone_u[i];
+  if (b >= 0) u = gv_add(u, times_six(&s->Jb[i], s->dv[b].m));
+  add_impulse(&s->dv[a], &s->Ja[i], gv_neg(gv_mat3_mul(&s->lone[i], u)));
+  s->dv[a] = accelerated(s, a, &s->dv[a]);
+}
+
+static void add_contact(gv_direct *s, int i, bool symmetric) {
+  const int a = s->node_a[i], b = s->node_b[i];
+  gv_triple *Ja = &s->Ja[i], *Jb = &s->Jb[i];
+  gv_mat3 W = follow(s, i);
+  for (int r = 0; r < 3; r++)
+    for (int c = 0; c < 3; c++) W.m[r][c] *= s->stiff[3 * i + c];
+  gv_triple WJa = times_triple(&W, Ja), WJb = times_triple(&W, Jb);
+  if (a >= 0) add_product(gv_blocks_at(&s->blocks, a, a), Ja, &WJa);
+  if (b >= 0) add_product(gv_blocks_at(&s->blocks, b, b), Jb, &WJb);
+  if (a < 0 || b < 0) return;
+  bool a_first = gv_blocks_first(&s->blocks, a, b) == a;
+  add_product(gv_blocks_at(&s->blocks, a, b), a_first ? Ja : Jb, a_first ? &WJb : &WJa);
+  if (!symmetric) add_product(gv_blocks_mirror(&s->blocks, a, b), a_first ? &WJa : &WJb, a_first ? Jb : Ja);
+}
+
+// Newton's step from v on the pieces that the rows are on.
+static bool find_step(gv_direct *s) {
+  const bool symmetric = is_symmetric(s);
+  gv_blocks_clear(&s->blocks, symmetric);
+  add_masses(s);
+  for (int i = 0; i < s->count; i++) add_impulses(s, i);
+  for (int i = 0; i < s->count; i++)
+    if (is_lone(s, i)) add_lone(s, i);
+    else add_contact(s, i, symmetric);
+  if (!gv_blocks_solve(&s->blocks, symmetric, s->dv)) return false;
+  for (int i = 0; i < s->count; i++)
+    if (is_lone(s, i)) step_lone(s, i);
   return true;
 }
 
-// What the row's velocity would be, beyond what is asked of it.
-static double excess(const gv_direct *s, int r) {
-  double sum = -s->b[r];
-  for (int c = 0; c < 3 * s->count; c++) sum += s->A[r][c] * s->x[c];
+// The part of the slope of the convex function along the step that the masses have: at v, and how it grows.
+static void find_mass_slope(const gv_direct *s, double *out_at_v, double *out_growth) {
+  *out_at_v = *out_growth = 0.0;
+  for (int n = 0; n < s->nodes; n++) {
+    const double *d = s->dv[n].m, *v = s->v[n].m, *free = s->free[n].m;
+    for (int k = 0; k < 3; k++) {
+      *out_at_v += s->mass[n] * d[k] * (v[k] - free[k]);
+      *out_growth += s->mass[n] * d[k] * d[k];
+      for (int c = 0; c < 3; c++) {
+        *out_at_v += d[3 + k] * s->inertia[n].m[k][c] * (v[3 + c] - free[3 + c]);
+        *out_growth += d[3 + k] * s->inertia[n].m[k][c] * d[3 + c];
+      }
+    }
+  }
+}
+
+static double slope_at(const gv_direct *s, double at_v, double growth, double t) {
+  double sum = at_v + t * growth;
+  for (int r = 0; r < 3 * s->count; r++) {
+    double u = s->u[r] + t * s->du[r];
+    sum -= s->du[r] * impulse_on(s, r, piece_at(s, r, u), u);
+  }
   return sum;
 }
 
-static uint8_t judge_friction(const gv_direct *s, int r) {
-  double limit = s->mu[r] * s->x[r - r % 3];
-  if (s->row[r] == GV_DIRECT_HOLDS) {
-    if (s->x[r] > limit + rounding) return GV_DIRECT_SLIDES_UP;
-    return s->x[r] < -limit - rounding ? GV_DIRECT_SLIDES_DOWN : GV_DIRECT_HOLDS;
+// Where along the step a row changes its piece: the such place between low and high that is nearest to t.
+static double nearest_bend(const gv_direct *s, double low, double high, double t) {
+  double best = HUGE_VAL;
+  for (int r = 0; r < 3 * s->count; r++) {
+    double zone = r % 3 == 0 ? 0.0 : s->limit[r] / s->stiff[r];
+    for (int side = -1; side <= 1; side += 2) {
+      double at = (s->asked[r] + side * zone - s->u[r]) / s->du[r];
+      if (at > low && at < high && fabs(at - t) < fabs(best - t)) best = at;
+    }
   }
-  // A sliding contact's friction must oppose the slip that is left.
-  return slide_sign(s->row[r]) * excess(s, r) > rounding ? GV_DIRECT_HOLDS : s->row[r];
+  return best;
 }
 
-// What the rows of the contact whose normal is row n should be, as far as this solution tells.
-static void judge_contact(const gv_direct *s, int n, uint8_t out[3]) {
-  memcpy(out, &s->row[n], 3);
-  if (s->row[n] == GV_DIRECT_OPEN) {
-    if (excess(s, n) < -rounding) memset(out, GV_DIRECT_HOLDS, 3);
-  } else if (s->x[n] < -rounding) {
-    memset(out, GV_DIRECT_OPEN, 3);
-  } else {
-    for (int k = 1; k < 3; k++) out[k] = judge_friction(s, n + k);
+// How far to go: to the least value of the function along the step. Its slope grows all the way, by straight pieces
+// between bends; the search halves in on the piece that crosses zero.
+static double search_line(gv_direct *s) {
+  double at_v, growth, low = 0.0, high = 1.0;
+  find_velocities(s, s->dv, s->du);
+  find_mass_slope(s, &at_v, &growth);
+  double at_low = slope_at(s, at_v, growth, low), at_high = slope_at(s, at_v, growth, high);
+  for (int i = 0; i < SEARCH && at_high < 0.0; i++) low = high, at_low = at_high, high *= 2.0, at_high = slope_at(s, at_v, growth, high);
+  for (int i = 0; i < SEARCH; i++) {
+    double t = nearest_bend(s, low, high, i % 2 ? 0.5 * (low + high) : low + (high - low) * at_low / (at_low - at_high));
+    if (t == HUGE_VAL) break;
+    double at = slope_at(s, at_v, growth, t);
+    if (at < 0.0) low = t, at_low = at;
+    else high = t, at_high = at;
   }
+  return at_low < at_high ? low + (high - low) * at_low / (at_low - at_high) : low;
 }
 
-// Rows that contradict the guess change sides: those of all contacts, or, where that went in circles, of the last
-// such contact alone. Returns the number of contacts that contradicted.
-static int judge(gv_direct *s, bool all) {
-  int changes = 0;
-  for (int i = s->count - 1; i >= 0; i--) {
-    uint8_t *row = &s->row[3 * i], next[3];
-    judge_contact(s, 3 * i, next);
-    if (memcmp(row, next, 3) == 0) continue;
-    if (all || changes == 0) memcpy(row, next, 3);
-    changes++;
-  }
-  return changes;
+static void take_step(gv_direct *s, double t) {
+  for (int n = 0; n < s->nodes; n++)
+    for (int k = 0; k < 6; k++) s->v[n].m[k] += t * s->dv[n].m[k];
+  find_velocities(s, s->v, s->u);
 }
 
-bool gv_direct_solve(gv_direct *s, const gv_config *cfg, const gv_direct_body body[GV_BODIES],
-                     const gv_dynamics_contact *contact, int count, gv_vec3 force_on_a[]) {
-  s->count = count;
-  for (int i = 0; i < count; i++) make_rows(s, cfg, body, &contact[i], i);
-  make_matrix(s, cfg, body, contact);
+// Full steps from the pieces that the rows are on. Leaves the first one's velocities in `first`, where it is asked for.
+static bool step_boldly(gv_direct *s, gv_six *first) {
+  s->bold = true;
+  find_velocities(s, s->v, s->u);
+  for (int i = 0; i < s->count; i++) set_limit(s, i);
+  for (int i = 0; i < BOLD; i++) {
+    if (!find_step(s)) return false;
+    take_step(s, 1.0);
+    if (i == 0 && first) memcpy(first, s->v, sizeof *first * (size_t)s->nodes);
+    if (set_pieces(s)) return true;
+  }
+  return false;
+}
+
+// The convex problem of the friction limits as they are, from v.
+static bool step_safely(gv_direct *s) {
+  s->bold = false;
+  find_velocities(s, s->v, s->u);
+  set_pieces(s);
+  for (int i = 0; i < SAFE; i++) {
+    if (!find_step(s)) return false;
+    take_step(s, search_line(s));
+    if (set_pieces(s)) return true;
+  }
+  return false;
+}
+
+// The last step's friction limits; of a new contact those that its velocity gives.
+static void take_limits(gv_direct *s, const gv_dynamics_contact *contact) {
+  find_velocities(s, s->v, s->u);
   take_guess(s, contact);
-  int left = -1;
-  for (int guess = 0; guess < GUESSES && left != 0; guess++) {
-    if (!solve_guess(s)) return false;
-    left = judge(s, guess < BLOCK_GUESSES);
+  for (int i = 0; i < s->count; i++) {
+    if (s->limit[3 * i + 1] < HUGE_VAL) continue;
+    s->row[3 * i] = piece_at(s, 3 * i, s->u[3 * i]);
+    set_limit(s, i);
   }
-  if (left != 0) return false;
-  keep_guess(s, contact);
-  for (int i = 0; i < count; i++) {
-    gv_vec3 sum = gv_scale(s->d[3 * i], s->x[3 * i]);
-    sum = gv_mad(gv_mad(sum, s->x[3 * i + 1], s->d[3 * i + 1]), s->x[3 * i + 2], s->d[3 * i + 2]);
-    force_on_a[i] = gv_scale(sum, 1.0 / cfg->step_s);
-    if (!gv_v3_finite(force_on_a[i])) return false;
+}
+
+// Halfway from the limits that were given to those that came out.
+static void mix_limits(gv_direct *s) {
+  for (int i = 0; i < s->count; i++) {
+    double limit = s->mu[i] * impulse_on(s, 3 * i, s->row[3 * i], s->u[3 * i]);
+    for (int r = 3 * i + 1; r < 3 * i + 3; r++) s->limit[r] = 0.5 * (s->limit[r] + limit);
+  }
+}
+
+static bool iterate(gv_direct *s, const gv_dynamics_contact *contact) {
+  const size_t of_v = sizeof s->v[0] * (size_t)s->nodes, of_limit = 3 * sizeof s->limit[0] * (size_t)s->count;
+  s->limits_right = true;
+  memcpy(s->kept_v, s->v, of_v);
+  if (step_boldly(s, s->kept_v)) return true;
+  memcpy(s->v, s->kept_v, of_v);
+  take_limits(s, contact);
+  for (int round = 0; round < ROUNDS; round++) {
+    if (!step_safely(s)) return false;
+    memcpy(s->kept_v, s->v, of_v);
+    memcpy(s->kept_limit, s->limit, of_limit);
+    if (step_boldly(s, NULL)) return true;
+    memcpy(s->v, s->kept_v, of_v);
+    memcpy(s->limit, s->kept_limit, of_limit);
+    s->bold = false;
+    find_velocities(s, s->v, s->u);
+    set_pieces(s);
+    if (round + 1 < ROUNDS) mix_limits(s);
+  }
+  s->limits_right = false;
+  return true;
+}
+
+// ---- the answer -----------------------------------------------------------------------------------
+
+static gv_vec3 find_force(gv_direct *s, const gv_config *cfg, const gv_dynamics_contact *c, int i) {
+  const gv_vec3 along[3] = {c->normal, c->friction_dir, gv_cross(c->normal, c->friction_dir)};
+  gv_vec3 sum = gv_v3(0, 0, 0);
+  for (int k = 0; k < 3; k++) sum = gv_mad(sum, impulse_on(s, 3 * i + k, s->row[3 * i + k], s->u[3 * i + k]), along[k]);
+  s->last[i] = (gv_direct_guess){c->body_a, c->body_b, impulse_on(s, 3 * i, s->row[3 * i], s->u[3 * i]), {0}};
+  memcpy(s->last[i].row, &s->row[3 * i], 3);
+  return gv_scale(sum, 1.0 / cfg->step_s);
+}
+
+static bool is_finite(const gv_direct *s) {
+  for (int n = 0; n < s->nodes; n++)
+    for (int k = 0; k < 6; k++)
+      if (!isfinite(s->v[n].m[k])) return false;
+  return true;
+}
+
+bool gv_direct_solve(gv_direct *s, const gv_config *cfg, gv_direct_body io_body[GV_BODIES],
+                     const gv_dynamics_contact *contact, int count, gv_vec3 force_on_a[]) {
+  int node[GV_BODIES];
+  s->count = count;
+  if (!make_nodes(s, node, io_body, contact)) return false;
+  for (int i = 0; i < count; i++) make_rows(s, cfg, io_body, &contact[i], i);
+  take_guess(s, contact);
+  if (!iterate(s, contact) || !is_finite(s)) return false;
+  for (int i = 0; i < count; i++) force_on_a[i] = find_force(s, cfg, &contact[i], i);
+  s->last_count = count;
+  for (int b = 0; b < GV_BODIES; b++) {
+    if (node[b] < 0) continue;
+    const double *v = s->v[node[b]].m;
+    io_body[b].v = gv_v3(v[0], v[1], v[2]);
+    io_body[b].w = gv_v3(v[3], v[4], v[5]);
   }
   return true;
 }

@@ -1,38 +1,53 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// Contact and friction by guessing which contacts are closed and which of them slide, one linear solve per guess.
-// Internal to the dynamics. Pure.
+// Contact and friction by Newton's method on the velocities of all bodies that touch. Internal to the dynamics. Pure.
 #ifndef DIRECT_H
 #define DIRECT_H
 
+#include "blocks.h"
 #include "dynamics.h"
 
-enum { GV_DIRECT_CONTACTS = 32, GV_DIRECT_ROWS = 3 * GV_DIRECT_CONTACTS };
+enum { GV_DIRECT_ROWS = 3 * GV_MAX_CONTACTS };
 
-// A body as the contacts find it, world frame; velocities after the step without contacts.
+// A body as the contacts find it, world frame; velocities after the step, first without contacts.
 typedef struct gv_direct_body {
-  double inv_mass;              // 0: does not move
-  gv_mat3 inv_inertia;
+  double mass;                  // 0: does not move
+  gv_mat3 inertia;
   gv_vec3 p, v, w;
 } gv_direct_body;
 
-// How a contact was found last: the first guess of the next step.
+// What a row does: nothing; hold its velocity at the one that is asked; push with all that friction has.
 typedef enum gv_direct_row { GV_DIRECT_OPEN, GV_DIRECT_HOLDS, GV_DIRECT_SLIDES_UP, GV_DIRECT_SLIDES_DOWN } gv_direct_row;
-typedef struct gv_direct_guess { int body_a, body_b; uint8_t row[3]; } gv_direct_guess;
+typedef struct gv_direct_guess { int body_a, body_b; double normal_impulse; uint8_t row[3]; } gv_direct_guess;
+
+typedef struct gv_triple { double m[3][6]; } gv_triple;  // the Jacobian of one contact and one of its bodies
 
 typedef struct gv_direct {
-  gv_direct_guess last[GV_DIRECT_CONTACTS];
+  gv_direct_guess last[GV_MAX_CONTACTS];   // the last step's contacts: the first guess of the next
   int last_count;
+  bool limits_right;                       // friction was bounded by mu times the normal impulses of the same solution
   // work
   int count;
+  int node_a[GV_MAX_CONTACTS], node_b[GV_MAX_CONTACTS]; // -1: does not move
+  int nodes;                               // the first ones in `blocks`, then the limbs with one contact each
   uint8_t row[GV_DIRECT_ROWS];
-  double A[GV_DIRECT_ROWS][GV_DIRECT_ROWS], b[GV_DIRECT_ROWS], x[GV_DIRECT_ROWS], mu[GV_DIRECT_ROWS];
-  double M[GV_DIRECT_ROWS][GV_DIRECT_ROWS], y[GV_DIRECT_ROWS];
-  double own[6][GV_DIRECT_ROWS], moved[6][GV_DIRECT_ROWS]; // of the body that most contacts share: J and M^-1 J
-  gv_vec3 d[GV_DIRECT_ROWS], ang_a[GV_DIRECT_ROWS], ang_b[GV_DIRECT_ROWS], turn_a[GV_DIRECT_ROWS], turn_b[GV_DIRECT_ROWS];
+  gv_triple Ja[GV_MAX_CONTACTS], Jb[GV_MAX_CONTACTS];
+  double asked[GV_DIRECT_ROWS];            // velocity, m/s
+  double stiff[GV_DIRECT_ROWS];            // N s for a velocity of 1 m/s
+  double mu[GV_MAX_CONTACTS];
+  double limit[GV_DIRECT_ROWS], kept_limit[GV_DIRECT_ROWS]; // of friction, N s
+  bool bold;                               // the limits move with the normal impulses
+  double u[GV_DIRECT_ROWS], du[GV_DIRECT_ROWS]; // relative velocity, and its change in this iteration
+  gv_six free[GV_NODES], v[GV_NODES], dv[GV_NODES], kept_v[GV_NODES];
+  double mass[GV_NODES];
+  gv_mat3 inertia[GV_NODES];
+  gv_blocks blocks;
+  gv_mat3 lone[GV_MAX_CONTACTS];           // how stiff the contact of such a limb is to the other body, 1 / (m/s of 1 N s)
+  gv_vec3 lone_u[GV_MAX_CONTACTS];         // its velocity, beyond what is asked, if the other body kept its own
 } gv_direct;
 
-// Force on body a of each contact, newtons; false where no guess held (then nothing is written).
-bool gv_direct_solve(gv_direct *direct, const gv_config *cfg, const gv_direct_body body[GV_BODIES],
+// Force on body a of each contact, newtons, and the velocities of the bodies under them. False where the iteration
+// did not end (then nothing is written). At most 40 iterations.
+bool gv_direct_solve(gv_direct *direct, const gv_config *cfg, gv_direct_body io_body[GV_BODIES],
                      const gv_dynamics_contact *contact, int count, gv_vec3 force_on_a[]);
 
 #endif

@@ -21,7 +21,6 @@
 enum { STEP_BLOCKS = 2, STEP_BYTES = 5 << 20, POOL_BYTES = 1 << 20 };
 // The most contacts of one island that Dantzig's memory is made for, and the fewest iterations that QuickStep is worth.
 enum { DANTZIG_MOST = 128, QUICK_LEAST = 10 };
-#define SLOW_SPIN 5.0  // rad/s, at which an explicit gyroscopic term is as good as any
 
 struct gv_dynamics {
   dWorldID world;
@@ -34,10 +33,10 @@ struct gv_dynamics {
   gv_vec3 force[GV_BODIES], torque[GV_BODIES]; // applied in the coming step, gravity apart
   double mass[GV_BODIES];            // without what the coupling adds
   double inv_mass[GV_BODIES];        // of the body as ODE sees it
-  gv_mat3 inertia[GV_BODIES];        // body axes, without what the coupling adds
-  gv_mat3 inv_inertia_body[GV_BODIES]; // with it
+  gv_mat3 inertia[GV_BODIES], inv_inertia[GV_BODIES]; // likewise, body axes
   gv_direct direct;
-  gv_direct_body free[GV_BODIES];    // of the bodies in contact, for the direct solver
+  gv_direct_body free[GV_BODIES];    // the bodies as they would be without contacts, then with them
+  bool ahead_of_ode;                 // bodies have moved since ODE last saw them
   int body_count;
   gv_vec3 gravity;
   const gv_config *cfg;
@@ -115,13 +114,6 @@ static void read_back(gv_dynamics *dyn, int i) {
                                   from_ode(dBodyGetLinearVel(b)), from_ode(dBodyGetAngularVel(b))};
 }
 
-static gv_mat3 inverse(const gv_mat3 *K) {
-  gv_vec3 x = gv_v3(K->m[0][0], K->m[0][1], K->m[0][2]), y = gv_v3(K->m[1][0], K->m[1][1], K->m[1][2]), z = gv_v3(K->m[2][0], K->m[2][1], K->m[2][2]);
-  gv_vec3 a = gv_cross(y, z), b = gv_cross(z, x), c = gv_cross(x, y);
-  double f = 1.0 / gv_dot(x, a);
-  return (gv_mat3){{{f * a.x, f * b.x, f * c.x}, {f * a.y, f * b.y, f * c.y}, {f * a.z, f * b.z, f * c.z}}};
-}
-
 static void set_mass(gv_dynamics *dyn, int i, double mass, double added_mass, const gv_mat3 *inertia, double added_inertia) {
   dMass m;
   dMassSetZero(&m);
@@ -132,9 +124,8 @@ static void set_mass(gv_dynamics *dyn, int i, double mass, double added_mass, co
   dyn->mass[i] = mass;
   dyn->inv_mass[i] = 1.0 / m.mass;
   dyn->inertia[i] = *inertia;
-  gv_mat3 whole = *inertia;
-  for (int k = 0; k < 3; k++) whole.m[k][k] += added_inertia;
-  dyn->inv_inertia_body[i] = inverse(&whole);
+  for (int k = 0; k < 3; k++) dyn->inertia[i].m[k][k] += added_inertia;
+  dyn->inv_inertia[i] = gv_mat3_inverse(&dyn->inertia[i]);
 }
 
 static void create_body(gv_dynamics *dyn, int i, double mass, const gv_mat3 *inertia) {
@@ -390,18 +381,6 @@ static bool choose_solver(gv_dynamics *dyn, const gv_dynamics_contact *contact, 
   return true;
 }
 
-// A limb that touches nothing needs no solver: the same semi-implicit step as ODE's, for a body whose inertia
-// is the same about every axis.
-static void step_free_limb(gv_dynamics *dyn, int i) {
-  gv_limb_state *s = &dyn->state[i];
-  const double h = dyn->cfg->step_s;
-  s->v = gv_mad(s->v, h * dyn->inv_mass[i], dyn->force[i]);
-  s->w = gv_mad(s->w, h * dyn->inv_inertia_body[i].m[0][0], dyn->torque[i]);
-  s->T.p = gv_mad(s->T.p, h, s->v);
-  gv_quat q = s->T.q, d = gv_quat_mul((gv_quat){0, s->w.x, s->w.y, s->w.z}, q);
-  s->T.q = gv_quat_normalize((gv_quat){q.w + 0.5 * h * d.w, q.x + 0.5 * h * d.x, q.y + 0.5 * h * d.y, q.z + 0.5 * h * d.z});
-}
-
 // Limbs join ODE's world while they touch something.
 static void sort_limbs(gv_dynamics *dyn, const gv_dynamics_contact *contact, int count) {
   bool touches[GV_BODIES] = {false};
@@ -433,7 +412,7 @@ static bool try_step(gv_dynamics *dyn, const gv_dynamics_contact *contact, int c
   return done;
 }
 
-// ---- the direct solver ----------------------------------------------------------------------------
+// ---- without ODE ----------------------------------------------------------------------------------
 
 // R K R^T.
 static gv_mat3 in_world(gv_quat q, const gv_mat3 *K) {
@@ -445,58 +424,89 @@ static gv_mat3 in_world(gv_quat q, const gv_mat3 *K) {
   return out;
 }
 
-static void free_motion(const gv_dynamics *dyn, int i, gv_direct_body *out) {
-  const gv_limb_state *s = &dyn->state[i];
-  const double h = dyn->cfg->step_s;
-  *out = (gv_direct_body){.p = s->T.p};
-  if (!dyn->body[i] || (i >= GV_LIMBS && !dyn->in_ode[i])) return;  // does not move
-  gv_vec3 torque = dyn->torque[i];
-  out->inv_mass = dyn->inv_mass[i];
-  out->inv_inertia = i < GV_LIMBS ? dyn->inv_inertia_body[i] : in_world(s->T.q, &dyn->inv_inertia_body[i]);
-  if (i >= GV_LIMBS) {
-    gv_vec3 w = gv_rotate_inv(s->T.q, s->w);
-    torque = gv_sub(torque, gv_rotate(s->T.q, gv_cross(w, gv_mat3_mul(&dyn->inertia[i], w))));
-    out->v = gv_scale(dyn->gravity, h);
+// Spin w (body axes) after a step without torque: I (w1 - w) + h w1 x I w1 = 0, one Newton step from w (Catto 2015).
+static gv_vec3 turn_freely(const gv_mat3 *I, gv_vec3 w, double h) {
+  gv_vec3 L = gv_mat3_mul(I, w), f = gv_scale(gv_cross(w, L), h);
+  gv_mat3 J;
+  for (int c = 0; c < 3; c++) {
+    gv_vec3 e = gv_v3(c == 0, c == 1, c == 2), Ie = gv_mat3_mul(I, e);
+    gv_vec3 column = gv_mad(Ie, h, gv_add(gv_cross(w, Ie), gv_cross(e, L)));
+    J.m[0][c] = column.x, J.m[1][c] = column.y, J.m[2][c] = column.z;
   }
-  out->v = gv_mad(gv_add(s->v, out->v), h * out->inv_mass, dyn->force[i]);
-  out->w = gv_mad(s->w, h, gv_mat3_mul(&out->inv_inertia, torque));
+  J = gv_mat3_inverse(&J);
+  return gv_sub(w, gv_mat3_mul(&J, f));
 }
 
-// For Coulomb friction and bodies that do not spin: ODE's gyroscopic term is implicit, the one above is not.
-static bool suits_direct(const gv_dynamics *dyn, const gv_dynamics_contact *contact, int count) {
-  if (dyn->cfg->solver != GV_SOLVER_AUTO || count == 0 || count > GV_DIRECT_CONTACTS) return false;
-  for (int i = 0; i < count; i++) {
-    const gv_dynamics_contact *c = &contact[i];
-    if (!contact_sound(c) || c->friction != GV_FRICTION_PYRAMID) return false;
-    if (c->body_a >= GV_LIMBS && gv_norm2(dyn->state[c->body_a].w) > SLOW_SPIN * SLOW_SPIN) return false;
-    if (gv_norm2(dyn->state[c->body_b].w) > SLOW_SPIN * SLOW_SPIN) return false;
+// Does not move: static, at rest, or a limb without a driver.
+static bool stands(const gv_dynamics *dyn, int i) { return !dyn->body[i] || (i < GV_LIMBS ? dyn->parked : !dyn->in_ode[i]); }
+
+// A limb's inertia is the same about every axis.
+static void move_limb_freely(const gv_dynamics *dyn, int i, gv_direct_body *out) {
+  const gv_limb_state *s = &dyn->state[i];
+  const double h = dyn->cfg->step_s;
+  out->inertia = dyn->inertia[i];
+  out->v = gv_mad(s->v, h * dyn->inv_mass[i], dyn->force[i]);
+  out->w = gv_mad(s->w, h * dyn->inv_inertia[i].m[0][0], dyn->torque[i]);
+}
+
+static void move_object_freely(const gv_dynamics *dyn, int i, gv_direct_body *out) {
+  const gv_limb_state *s = &dyn->state[i];
+  const double h = dyn->cfg->step_s;
+  out->inertia = in_world(s->T.q, &dyn->inertia[i]);
+  out->v = gv_mad(gv_mad(s->v, h, dyn->gravity), h * dyn->inv_mass[i], dyn->force[i]);
+  gv_vec3 torque = gv_mat3_mul(&dyn->inv_inertia[i], gv_rotate_inv(s->T.q, dyn->torque[i]));
+  gv_vec3 w = gv_mad(turn_freely(&dyn->inertia[i], gv_rotate_inv(s->T.q, s->w), h), h, torque);
+  out->w = gv_rotate(s->T.q, w);
+}
+
+static void move_freely(gv_dynamics *dyn) {
+  for (int i = 0; i < dyn->body_count; i++) {
+    gv_direct_body *b = &dyn->free[i];
+    b->p = dyn->state[i].T.p;
+    b->mass = stands(dyn, i) ? 0.0 : 1.0 / dyn->inv_mass[i];
+    if (b->mass <= 0.0) b->v = b->w = gv_v3(0, 0, 0);
+    else if (i < GV_LIMBS) move_limb_freely(dyn, i, b);
+    else move_object_freely(dyn, i, b);
   }
+}
+
+// The same semi-implicit step as ODE's: positions follow the new velocities.
+static void move_body(gv_dynamics *dyn, int i, const gv_direct_body *b) {
+  gv_limb_state *s = &dyn->state[i];
+  const double h = dyn->cfg->step_s;
+  s->v = b->v;
+  s->w = b->w;
+  s->T.p = gv_mad(s->T.p, h, s->v);
+  gv_quat q = s->T.q, d = gv_quat_mul((gv_quat){0, s->w.x, s->w.y, s->w.z}, q);
+  s->T.q = gv_quat_normalize((gv_quat){q.w + 0.5 * h * d.w, q.x + 0.5 * h * d.x, q.y + 0.5 * h * d.y, q.z + 0.5 * h * d.z});
+}
+
+static bool suits_direct(const gv_dynamics *dyn, const gv_dynamics_contact *contact, int count) {
+  if (dyn->cfg->solver != GV_SOLVER_AUTO) return false;
+  for (int i = 0; i < count; i++)
+    if (!contact_sound(&contact[i]) || contact[i].friction != GV_FRICTION_PYRAMID) return false;
   return true;
 }
 
-static void push(gv_dynamics *dyn, int i, gv_vec3 at, gv_vec3 f) {
-  gv_dynamics_add_force(dyn, i, f, gv_cross(gv_sub(at, dyn->state[i].T.p), f));
-}
-
-// Contact forces found without ODE, which then moves the objects under them.
 static bool solve_direct(gv_dynamics *dyn, const gv_dynamics_contact *contact, int count, gv_vec3 force_on_a[]) {
-  bool known[GV_BODIES] = {false};
-  for (int i = 0; i < 2 * count; i++) {
-    int b = i % 2 ? contact[i / 2].body_b : contact[i / 2].body_a;
-    if (!known[b]) free_motion(dyn, b, &dyn->free[b]);
-    known[b] = true;
-  }
+  move_freely(dyn);
   if (!gv_direct_solve(&dyn->direct, dyn->cfg, dyn->free, contact, count, force_on_a)) return false;
-  for (int i = 0; i < count; i++) {
-    push(dyn, contact[i].body_a, contact[i].position, force_on_a[i]);
-    push(dyn, contact[i].body_b, contact[i].position, gv_neg(force_on_a[i]));
-  }
+  for (int i = 0; i < dyn->body_count; i++)
+    if (!stands(dyn, i)) move_body(dyn, i, &dyn->free[i]);
+  dyn->ahead_of_ode = true;
   return true;
 }
 
 // ---- the step -------------------------------------------------------------------------------------
 
+static void write_states(gv_dynamics *dyn) {
+  for (int i = 0; i < dyn->body_count && dyn->ahead_of_ode; i++)
+    if (dyn->in_ode[i]) write_state(dyn, i);
+  dyn->ahead_of_ode = false;
+}
+
 static gv_solver solve_in_ode(gv_dynamics *dyn, const gv_dynamics_contact *contact, int count, bool knotted, gv_vec3 force_on_a[]) {
+  write_states(dyn);
   sort_limbs(dyn, contact, count);
   bool quick = choose_solver(dyn, contact, count, knotted), done = try_step(dyn, contact, count, quick);
   if (!done) dyn->solver_errors++;
@@ -505,19 +515,18 @@ static gv_solver solve_in_ode(gv_dynamics *dyn, const gv_dynamics_contact *conta
     if (!try_step(dyn, contact, count, true)) dyn->solver_errors++;
   }
   for (int i = 0; i < count; i++) force_on_a[i] = from_ode(dyn->feedback[i].f1);
+  for (int i = 0; i < dyn->body_count; i++) {
+    if (dyn->in_ode[i]) read_back(dyn, i);
+    else if (!stands(dyn, i)) move_limb_freely(dyn, i, &dyn->free[i]), move_body(dyn, i, &dyn->free[i]);
+  }
   return quick ? GV_SOLVER_QUICK : GV_SOLVER_DANTZIG;
 }
 
 gv_solver gv_dynamics_step(gv_dynamics *dyn, const gv_dynamics_contact *contact, int count, gv_vec3 force_on_a[]) {
   bool suits = suits_direct(dyn, contact, count), direct = suits && solve_direct(dyn, contact, count, force_on_a);
-  if (direct) count = 0;
-  gv_solver in_ode = solve_in_ode(dyn, contact, count, suits && !direct, force_on_a);
-  for (int i = 0; i < dyn->body_count; i++) {
-    if (dyn->in_ode[i]) read_back(dyn, i);
-    else if (i < GV_LIMBS && !dyn->parked) step_free_limb(dyn, i);
-    dyn->force[i] = dyn->torque[i] = gv_v3(0, 0, 0);
-  }
-  return direct ? GV_SOLVER_DIRECT : in_ode;
+  gv_solver used = direct ? GV_SOLVER_DIRECT : solve_in_ode(dyn, contact, count, suits, force_on_a);
+  for (int i = 0; i < dyn->body_count; i++) dyn->force[i] = dyn->torque[i] = gv_v3(0, 0, 0);
+  return used;
 }
 
 void gv_dynamics_forget(gv_dynamics *dyn) { dyn->direct.last_count = 0; }

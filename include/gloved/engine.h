@@ -40,11 +40,11 @@ typedef struct gv_config {
   gv_friction friction;        // of the hand's skin
   double mu_hand;              // coefficient, or newtons
   double contact_erp, contact_cfm; // on the normal row alone
-  double world_cfm;            // never 0
+  double world_cfm;            // of friction rows, and of ODE's world; never 0
   double contact_margin_m;     // gaps below this get a row that lets them close, but not overshoot
   // dynamics
-  // auto: a direct solve of the guess who holds and who slides, QuickStep where that does not settle; for what it is
-  // not made for ODE's Dantzig up to `dantzig_contacts` that touch each other, QuickStep where that would not fit into the period
+  // auto: Newton's method on the velocities of all bodies in contact ("direct"); for fixed friction limits, and where it
+  // does not end, ODE: Dantzig up to `dantzig_contacts` that touch each other, QuickStep where that would not fit into the period
   gv_solver solver;
   int dantzig_contacts, quick_iterations;
   double rest_s;               // an object that lies still for so long and touches no limb is not simulated, and has

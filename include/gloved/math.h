@@ -95,6 +95,19 @@ static inline gv_vec3 gv_mat3_mul_t(const gv_mat3 *R, gv_vec3 v) {  // R^T v
                R->m[0][1] * v.x + R->m[1][1] * v.y + R->m[2][1] * v.z,
                R->m[0][2] * v.x + R->m[1][2] * v.y + R->m[2][2] * v.z);
 }
+static inline gv_mat3 gv_mat3_times(const gv_mat3 *A, const gv_mat3 *B) {
+  gv_mat3 out;
+  for (int r = 0; r < 3; r++)
+    for (int c = 0; c < 3; c++) out.m[r][c] = A->m[r][0] * B->m[0][c] + A->m[r][1] * B->m[1][c] + A->m[r][2] * B->m[2][c];
+  return out;
+}
+// Inverse of a matrix that has one.
+static inline gv_mat3 gv_mat3_inverse(const gv_mat3 *K) {
+  gv_vec3 x = gv_v3(K->m[0][0], K->m[0][1], K->m[0][2]), y = gv_v3(K->m[1][0], K->m[1][1], K->m[1][2]), z = gv_v3(K->m[2][0], K->m[2][1], K->m[2][2]);
+  gv_vec3 a = gv_cross(y, z), b = gv_cross(z, x), c = gv_cross(x, y);
+  double f = 1.0 / gv_dot(x, a);
+  return (gv_mat3){{{f * a.x, f * b.x, f * c.x}, {f * a.y, f * b.y, f * c.y}, {f * a.z, f * b.z, f * c.z}}};
+}
 
 // Sine and cosine on |x| <= pi/4: Taylor series, the first term left out is below 5e-17. No branch: a loop over them
 // is done in pairs.

@@ -1,0 +1,58 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// A matrix of 6 x 6 blocks, one row of blocks for each body, and its linear equations solved by elimination without
+// exchange of rows. Bodies that do not touch have no block in common, and those with the fewest neighbours go first
+// (Tinney and Walker 1967): a hand around an object costs one small elimination for each limb. Pure.
+#ifndef BLOCKS_H
+#define BLOCKS_H
+
+#include <stdbool.h>
+#include <stdint.h>
+
+#include "gloved/limits.h"
+
+enum { GV_NODES = GV_LIMBS + GV_MAX_OBJECTS, GV_BLOCKS = 1024 };
+
+typedef struct gv_block { double m[6][6]; } gv_block;
+typedef struct gv_six { double m[6]; } gv_six;  // of one body: linear, then angular
+
+typedef struct gv_blocks {
+  int nodes, used;                       // blocks that are taken
+  bool full;
+  uint8_t order[GV_NODES];               // of elimination
+  uint8_t place[GV_NODES];               // of a node in it
+  uint8_t later[GV_NODES][GV_NODES];     // the neighbours that are eliminated after a node
+  uint8_t later_count[GV_NODES];
+  uint8_t degree[GV_NODES];
+  uint16_t at[GV_NODES][GV_NODES];       // the block of two nodes, 1 + its number; 0: none
+  gv_block block[GV_BLOCKS];             // of two nodes: rows belong to the one that goes first
+  gv_block mirror[GV_BLOCKS];            // the same below the diagonal, transposed; where the matrix is symmetric, not used
+} gv_blocks;
+
+// A matrix of `nodes` diagonal blocks. Then gv_blocks_link each pair that has a block of its own, then
+// gv_blocks_order once: false where the elimination would need more than GV_BLOCKS blocks.
+void gv_blocks_begin(gv_blocks *b, int nodes);
+void gv_blocks_link(gv_blocks *b, int i, int k);
+bool gv_blocks_order(gv_blocks *b);
+
+// All blocks zero; then add to them.
+void gv_blocks_clear(gv_blocks *b, bool symmetric);
+// The block of two linked nodes, or of one with itself, and its mirror image. Rows belong to whichever of the two goes first.
+static inline gv_block *gv_blocks_at(gv_blocks *b, int i, int k) { return &b->block[b->at[i][k] - 1]; }
+static inline gv_block *gv_blocks_mirror(gv_blocks *b, int i, int k) { return &b->mirror[b->at[i][k] - 1]; }
+static inline int gv_blocks_first(const gv_blocks *b, int i, int k) { return b->place[i] <= b->place[k] ? i : k; }
+
+// row -= sum of f[step k] other[k] over k < n. Written out, since compilers then keep the row in registers and make two of
+// these operations one instruction, with the same bits.
+static inline void gv_six_subtract(double *row, const double *f, int step, double (*other)[6], int n) {
+  double a = row[0], b = row[1], c = row[2], d = row[3], e = row[4], g = row[5];
+  for (int k = 0; k < n; k++) {
+    const double by = f[step * k], *o = other[k];
+    a -= by * o[0], b -= by * o[1], c -= by * o[2], d -= by * o[3], e -= by * o[4], g -= by * o[5];
+  }
+  row[0] = a, row[1] = b, row[2] = c, row[3] = d, row[4] = e, row[5] = g;
+}
+
+// Solves for x in place of the right-hand side; the matrix is used up. False where a pivot is not positive.
+bool gv_blocks_solve(gv_blocks *b, bool symmetric, gv_six io_x[]);
+
+#endif
