@@ -11,7 +11,7 @@ B       ?= build/$(notdir $(firstword $(CC)))$(subst $(space),,$(OPT))
 WARN    := -std=c11 -Wall -Wextra -Wpedantic -Wconversion -Wsign-conversion -Wdouble-promotion -Wshadow -Wundef \
            -Wcast-align -Wmissing-prototypes -Wswitch-enum $(if $(CI),-Werror)
 # No fused multiply-add, no reordering: a replay gives the same bits with every compiler and level.
-override CFLAGS += $(WARN) $(OPT) -g -ffp-contract=off -fno-fast-math -D_GNU_SOURCE -Iinclude -I$(B)/gen -MMD -MP
+override CFLAGS += $(WARN) $(OPT) -g -ffp-contract=off -fno-fast-math -fno-math-errno -D_GNU_SOURCE -Iinclude -I$(B)/gen -MMD -MP
 LDLIBS  := -lode -lccd -llcm -lconfig -lz -lpthread -lm
 Q       := $(if $(V),,@)
 

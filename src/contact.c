@@ -110,19 +110,28 @@ static gv_vec3 friction_dir(gv_vec3 slip, gv_vec3 normal) {
 }
 
 static void add_contact(gv_engine *e, const pair *p, const gv_contact_point *k, const gv_limb_state *a, const gv_limb_state *b) {
-  gv_vec3 v = gv_sub(point_velocity(a, k->position_world), point_velocity(b, k->position_world));
-  double approach = -gv_dot(v, k->normal_world);
-  if (-k->depth > 0.5 * e->cfg.contact_margin_m + e->cfg.step_s * (approach > 0.0 ? approach : 0.0)) return;
-  int i = contact_slot(e, k->depth);
+  const gv_vec3 x = k->position_world, n = k->normal_world, v = gv_sub(point_velocity(a, x), point_velocity(b, x));
+  const double approach = -gv_dot(v, n), closing = approach > 0.0 ? approach : 0.0;
+  if (-k->depth > 0.5 * e->cfg.contact_margin_m + e->cfg.step_s * closing) return;
+  const int i = contact_slot(e, k->depth);
   if (i < 0) return;
-  e->contact[i] = (gv_contact){
-    .limb = p->body_a < GV_LIMBS ? p->body_a : -1 - (p->body_a - GV_LIMBS), .object = p->body_b - GV_LIMBS,
-    .piece = (int)(p->shape_b - e->piece_shape),
-    .position_world = k->position_world, .normal_world = k->normal_world, .depth_m = k->depth, .face = k->face_b};
-  e->solver_contact[i] = (gv_dynamics_contact){
-    .body_a = p->body_a, .body_b = p->body_b, .position = k->position_world, .normal = k->normal_world,
-    .friction_dir = friction_dir(gv_mad(v, approach, k->normal_world), k->normal_world),
-    .depth = k->depth, .friction = p->rub.friction, .mu = p->rub.mu};
+  gv_contact *told = &e->contact[i];
+  told->limb = p->body_a < GV_LIMBS ? p->body_a : -1 - (p->body_a - GV_LIMBS);
+  told->object = p->body_b - GV_LIMBS;
+  told->piece = (int)(p->shape_b - e->piece_shape);
+  told->position_world = x;
+  told->normal_world = n;
+  told->depth_m = k->depth;
+  told->face = k->face_b;
+  gv_dynamics_contact *solved = &e->solver_contact[i];
+  solved->body_a = p->body_a;
+  solved->body_b = p->body_b;
+  solved->position = x;
+  solved->normal = n;
+  solved->friction_dir = friction_dir(gv_mad(v, approach, n), n);
+  solved->depth = k->depth;
+  solved->friction = p->rub.friction;
+  solved->mu = p->rub.mu;
   if (k->depth > e->counters.depth_max_m) e->counters.depth_max_m = k->depth;
 }
 
