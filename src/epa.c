@@ -14,6 +14,9 @@
 // Faces whose offsets differ by less are looked at for the point under the origin.
 static const double same_side = 1e-9;  // metres
 
+// Steps while the bounds have all but met: at touching corners rounding can let the search go round in circles.
+enum { CLOSE = 16 };
+
 enum { SEEDS = 7, SWEEP_FACES = 40, SWEEP_EDGES = 12 };  // a sweep asks at most 2 * 40 + 2 * 12 * 12 directions
 
 typedef struct search {
@@ -127,10 +130,12 @@ static bool grow_at(search *s, int f) {
 static double expand(search *s, int *io_iterations) {
   gv_polytope *P = &s->polytope;
   double lower = 0;
+  int close = 0;
   for (; *io_iterations < GV_EPA_MAX_ITERATIONS; ++*io_iterations) {
     int f = find_nearest_face(P);
     lower = P->face[f].offset;
     if (lower >= s->best - P->tolerance) break;
+    if (lower >= s->best - 10 * P->tolerance && ++close > CLOSE) break;
     if (lower > 0) P->least_offset = lower - 1e-10 * s->size;  // the ball of that radius is inside already
     if (!grow_at(s, f)) break;
   }

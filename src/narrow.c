@@ -93,13 +93,13 @@ static bool is_better(const gv_epa_result *r, const gv_epa_result *best) {
   return r->depth < best->depth + (has_met(r) ? touching : -touching);
 }
 
-// Where the polytope's bounds did not meet: once more around the best side so far, since rounding then falls
+// Where the polytope's bounds did not meet: once more from beside the best side so far, since rounding then falls
 // differently; if they still do not, the faces may know better.
 static void settle_depth(const gv_cso *cso, gv_vec3 guess, const gv_epa_result *found, gv_distance *out) {
   gv_epa_result best = *found, other;
   gv_narrow_method method = GV_NARROW_EPA;
   out->iterations += found->iterations;
-  if (!has_met(&best) && gv_epa_run(cso, best.normal, &other)) {
+  if (!has_met(&best) && gv_epa_run(cso, gv_normalize_or(gv_mad(best.normal, 0.1, gv_any_perpendicular(best.normal)), guess), &other)) {
     out->iterations += other.iterations;
     if (is_better(&other, &best)) best = other;
   }
