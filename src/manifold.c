@@ -121,7 +121,7 @@ static double gap_over(const polygon *reference, gv_vec3 up, gv_vec3 q) {
 }
 
 // Outward from side k of the prism that the polygon sweeps along `up`; not of unit length.
-static gv_vec3 prism_side(const polygon *reference, int k, gv_vec3 up) {
+static inline gv_vec3 prism_side(const polygon *reference, int k, gv_vec3 up) {
   int next = k + 1 < reference->count ? k + 1 : 0;
   return gv_cross(gv_sub(reference->p[next], reference->p[k]), up);
 }

@@ -203,7 +203,7 @@ void gv_distance_to_world(const gv_pose *T_world_b, const gv_pair_cache *cache, 
   io->normal_world = cache->normal_world;
   if (io->method == GV_NARROW_FAR) return;
   io->on_a = gv_transform(*T_world_b, io->on_a);
-  io->on_b = gv_transform(*T_world_b, io->on_b);
+  io->on_b = gv_mad(io->on_a, -io->distance, io->normal_world);
 }
 
 void gv_distance_pair(const gv_shape *a, const gv_pose *T_world_a, const gv_shape *b, const gv_pose *T_world_b,
