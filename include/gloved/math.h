@@ -31,7 +31,10 @@ static inline gv_vec3 gv_cross(gv_vec3 a, gv_vec3 b) {
 }
 static inline double gv_norm2(gv_vec3 a) { return gv_dot(a, a); }
 static inline double gv_norm(gv_vec3 a) { return sqrt(gv_dot(a, a)); }
-static inline double gv_clamp(double v, double lo, double hi) { return v < lo ? lo : v > hi ? hi : v; }
+static inline double gv_clamp(double v, double lo, double hi) {  // two selections, no branch
+  double above = v < lo ? lo : v;
+  return above > hi ? hi : above;
+}
 static inline bool gv_v3_finite(gv_vec3 a) { return isfinite(a.x) && isfinite(a.y) && isfinite(a.z); }
 
 // a / |a|, or `fallback` where |a| is below 1e-300 or not finite.
