@@ -8,7 +8,8 @@ import numpy as np
 import pybullet as p
 
 HEADER_SPRING = np.dtype([("k_f", "f8"), ("d_f", "f8"), ("k_t", "f8"), ("d_t", "f8"), ("k_small", "f8"), ("mass", "f8"),
-                          ("added_mass", "f8"), ("added_inertia", "f8"), ("h", "f8"), ("law", "i4"), ("pad", "i4")])
+                          ("added_mass", "f8"), ("added_inertia", "f8"), ("d_f_implicit", "f8"), ("d_t_implicit", "f8"),
+                          ("h", "f8"), ("law", "i4"), ("pad", "i4")])
 STATE = np.dtype([("q", "f8", 4), ("p", "f8", 3), ("v", "f8", 3), ("w", "f8", 3)])
 STEP = np.dtype([("placed", "i8"), ("limb", STATE, 16)])
 LIMBS, PALM = 16, 15
@@ -57,6 +58,7 @@ def write_pieces(stem, pieces):
 class Bullet:
     def __init__(self, scene, drivers_path, name):
         self.scene, self.name, self.drivers_path = scene, name, drivers_path
+        assert scene["spring_bytes"] == HEADER_SPRING.itemsize, "gv_spring has changed: HEADER_SPRING must follow"
         raw = open(drivers_path, "rb").read()
         steps = scene["steps"]
         self.steps = np.frombuffer(raw[len(raw) - steps * STEP.itemsize:], STEP)
@@ -119,8 +121,8 @@ class Bullet:
         x, q = np.array([a[0] for a in pose]), wxyz(np.array([a[1] for a in pose]))
         v, w = np.array([a[0] for a in speed]), np.array([a[1] for a in speed])
         turn = quat_log(quat_mul(driver["q"], q * [1, -1, -1, -1]))
-        f = s["k_f"] * (driver["p"] - x) - (s["d_f"] + s["h"] * s["k_f"]) * (v - driver["v"])
-        t = s["k_t"] * turn - (s["d_t"] + s["h"] * s["k_small"]) * (w - driver["w"])
+        f = s["k_f"] * (driver["p"] - x) - s["d_f_implicit"] * (v - driver["v"])
+        t = s["k_t"] * turn - s["d_t_implicit"] * (w - driver["w"])
         f = f - (s["mass"] + s["added_mass"]) * self.gravity  # gravity does not act on limbs
         for i, body in enumerate(self.limbs):
             p.applyExternalForce(body, -1, f[i], x[i], p.WORLD_FRAME)

@@ -129,7 +129,7 @@ static void print_object(const gv_scene *scene, const gv_object *o) {
 }
 
 static void print_scene(const gv_engine *e, int steps) {
-  printf("{\"steps\":%d,\"values\":%d,\"mu_hand\":%.17g,\"gravity\":", steps, GV_BENCH_VALUES, e->cfg.mu_hand);
+  printf("{\"steps\":%d,\"values\":%d,\"spring_bytes\":%zu,\"mu_hand\":%.17g,\"gravity\":", steps, GV_BENCH_VALUES, sizeof(gv_spring), e->cfg.mu_hand);
   print_vector(e->scene->gravity_m_s2);
   printf(",");
   print_limbs(e);

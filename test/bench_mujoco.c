@@ -50,14 +50,15 @@ static void place_hand(mjData *d, const gv_bench_drivers *now) {
 
 // Springs as in the engine's step; gravity does not act on limbs.
 static void pull_limbs(mjData *d, const gv_bench_drivers *now) {
+  gv_limb_state sim[GV_LIMBS];
+  gv_vec3 f[GV_LIMBS], t[GV_LIMBS];
+  for (int i = 0; i < GV_LIMBS; i++) sim[i] = limb_state(d, i);
+  gv_springs_apply(header.spring, sim, now->limb, f, t);
   for (int i = 0; i < GV_LIMBS; i++) {
     const gv_spring *s = &header.spring[i];
-    gv_limb_state sim = limb_state(d, i);
-    gv_vec3 f, t;
-    gv_spring_apply(s, &sim, &now->limb[i], &f, &t);
-    f.z -= (s->mass_kg + s->added_mass_kg) * gravity_z;
-    store(&d->xfrc_applied[6 * (i + 1)], f);
-    store(&d->xfrc_applied[6 * (i + 1) + 3], t);
+    f[i].z -= (s->mass_kg + s->added_mass_kg) * gravity_z;
+    store(&d->xfrc_applied[6 * (i + 1)], f[i]);
+    store(&d->xfrc_applied[6 * (i + 1) + 3], t[i]);
   }
 }
 
