@@ -27,22 +27,14 @@ static double wanted_velocity(const gv_config *cfg, double depth) {
   return depth < 0.0 ? depth / cfg->step_s : fmin(cfg->contact_erp * depth / cfg->step_s, most_out_m_s);
 }
 
-static void put_row(double row[6], gv_vec3 d, gv_vec3 arm, double sign) {
-  gv_vec3 turn = gv_cross(arm, d);
-  const double all[6] = {sign * d.x, sign * d.y, sign * d.z, sign * turn.x, sign * turn.y, sign * turn.z};
-  memcpy(row, all, sizeof all);
-}
-
 static void make_rows(gv_direct *s, const gv_config *cfg, const gv_direct_body body[], const gv_dynamics_contact *c, int i) {
-  const gv_vec3 along[3] = {c->normal, c->friction_dir, gv_cross(c->normal, c->friction_dir)};
+  s->along[i][0] = c->normal, s->along[i][1] = c->friction_dir, s->along[i][2] = gv_cross(c->normal, c->friction_dir);
+  s->arm_a[i] = gv_sub(c->position, body[c->body_a].p);
+  s->arm_b[i] = gv_sub(c->position, body[c->body_b].p);
   s->mu[i] = c->mu;
-  gv_vec3 arm_a = gv_sub(c->position, body[c->body_a].p), arm_b = gv_sub(c->position, body[c->body_b].p);
   for (int k = 0; k < 3; k++) {
-    int r = 3 * i + k;
-    put_row(s->Ja[i].m[k], along[k], arm_a, 1.0);
-    put_row(s->Jb[i].m[k], along[k], arm_b, -1.0);
-    s->asked[r] = k == 0 ? wanted_velocity(cfg, c->depth) : 0.0;
-    s->stiff[r] = cfg->step_s / (k == 0 ? cfg->contact_cfm : cfg->world_cfm);
+    s->asked[3 * i + k] = k == 0 ? wanted_velocity(cfg, c->depth) : 0.0;
+    s->stiff[3 * i + k] = cfg->step_s / (k == 0 ? cfg->contact_cfm : cfg->world_cfm);
   }
 }
 
@@ -111,20 +103,36 @@ static uint8_t piece_at(const gv_direct *s, int r, double u) {
   return x > s->limit[r] ? GV_DIRECT_SLIDES_UP : x < -s->limit[r] ? GV_DIRECT_SLIDES_DOWN : GV_DIRECT_HOLDS;
 }
 
-static gv_vec3 times_six(const gv_triple *J, const double v[6]) {
-  double u[3];
-  for (int k = 0; k < 3; k++) u[k] = J->m[k][0] * v[0] + J->m[k][1] * v[1] + J->m[k][2] * v[2] + J->m[k][3] * v[3] + J->m[k][4] * v[4] + J->m[k][5] * v[5];
-  return gv_v3(u[0], u[1], u[2]);
+static gv_vec3 point_velocity(const gv_six *v, gv_vec3 arm) {
+  const double *m = v->m;
+  return gv_add(gv_v3(m[0], m[1], m[2]), gv_cross(gv_v3(m[3], m[4], m[5]), arm));
+}
+
+// Of body a over body b at contact i.
+static gv_vec3 relative_velocity(const gv_direct *s, int i, const gv_six v[]) {
+  gv_vec3 u = gv_v3(0, 0, 0);
+  if (s->node_a[i] >= 0) u = point_velocity(&v[s->node_a[i]], s->arm_a[i]);
+  if (s->node_b[i] >= 0) u = gv_sub(u, point_velocity(&v[s->node_b[i]], s->arm_b[i]));
+  return u;
 }
 
 static void find_velocities(const gv_direct *s, const gv_six v[], double out_u[]) {
   for (int i = 0; i < s->count; i++) {
-    int a = s->node_a[i], b = s->node_b[i];
-    gv_vec3 u = gv_v3(0, 0, 0);
-    if (a >= 0) u = times_six(&s->Ja[i], v[a].m);
-    if (b >= 0) u = gv_add(u, times_six(&s->Jb[i], v[b].m));
-    out_u[3 * i] = u.x, out_u[3 * i + 1] = u.y, out_u[3 * i + 2] = u.z;
+    gv_vec3 u = relative_velocity(s, i, v);
+    for (int k = 0; k < 3; k++) out_u[3 * i + k] = gv_dot(s->along[i][k], u);
   }
+}
+
+// v += J^T x of a body: an impulse at the end of its arm.
+static void add_impulse(gv_six *v, gv_vec3 arm, gv_vec3 x) {
+  gv_vec3 turn = gv_cross(arm, x);
+  v->m[0] += x.x, v->m[1] += x.y, v->m[2] += x.z;
+  v->m[3] += turn.x, v->m[4] += turn.y, v->m[5] += turn.z;
+}
+
+static gv_vec3 in_world(const gv_direct *s, int i, gv_vec3 x) {
+  const gv_vec3 *along = s->along[i];
+  return gv_mad(gv_mad(gv_scale(along[0], x.x), x.y, along[1]), x.z, along[2]);
 }
 
 static void set_limit(gv_direct *s, int i) {
@@ -187,12 +195,59 @@ static void add_masses(gv_direct *s) {
   }
 }
 
-// H += J^T K.
+// Does nothing of contact i slide or gape? Then its stiffness needs no rows of its own: it is a matrix in the world's axes.
+static bool is_stuck(const gv_direct *s, int i) {
+  const uint8_t *row = &s->row[3 * i];
+  return row[0] == GV_DIRECT_HOLDS && row[1] == GV_DIRECT_HOLDS && row[2] == GV_DIRECT_HOLDS;
+}
+
+static bool is_lone(const gv_direct *s, int i) { return s->node_a[i] >= s->blocks.nodes; }
+
+// a I + b n n^T.
+static gv_mat3 scaled_sum(double a, double b, gv_vec3 n) {
+  return (gv_mat3){{{a + b * n.x * n.x, b * n.x * n.y, b * n.x * n.z},
+                    {b * n.y * n.x, a + b * n.y * n.y, b * n.y * n.z},
+                    {b * n.z * n.x, b * n.z * n.y, a + b * n.z * n.z}}};
+}
+
+// H += sign A^T K B for a symmetric K, with A and B the 3 x 6 Jacobians of points at the ends of two arms, 1 | -[arm]x.
+static void add_stuck(gv_block *H, double sign, const gv_mat3 *K, gv_vec3 arm_of_row, gv_vec3 arm_of_column) {
+  for (int r = 0; r < 3; r++) {
+    gv_vec3 k = gv_scale(gv_v3(K->m[r][0], K->m[r][1], K->m[r][2]), sign), turn = gv_cross(arm_of_column, k);
+    double *row = H->m[r];
+    row[0] += k.x, row[1] += k.y, row[2] += k.z, row[3] += turn.x, row[4] += turn.y, row[5] += turn.z;
+  }
+  const gv_vec3 x = gv_v3(K->m[0][0], K->m[0][1], K->m[0][2]), y = gv_v3(K->m[1][0], K->m[1][1], K->m[1][2]), z = gv_v3(K->m[2][0], K->m[2][1], K->m[2][2]);
+  const gv_vec3 c0 = gv_cross(arm_of_row, x), c1 = gv_cross(arm_of_row, y), c2 = gv_cross(arm_of_row, z);
+  const gv_vec3 rows[3] = {{c0.x, c1.x, c2.x}, {c0.y, c1.y, c2.y}, {c0.z, c1.z, c2.z}};
+  for (int r = 0; r < 3; r++) {
+    gv_vec3 k = gv_scale(rows[r], sign), turn = gv_cross(arm_of_column, k);
+    double *row = H->m[3 + r];
+    row[0] += k.x, row[1] += k.y, row[2] += k.z, row[3] += turn.x, row[4] += turn.y, row[5] += turn.z;
+  }
+}
+
+// H += J^T K, the same for rows of their own.
 static void add_product(gv_block *H, const gv_triple *J, gv_triple *K) {
   for (int i = 0; i < 6; i++) {
     const double f[3] = {-J->m[0][i], -J->m[1][i], -J->m[2][i]};
     gv_six_subtract(H->m[i], f, 1, K->m, 3);
   }
+}
+
+static gv_triple jacobian(const gv_direct *s, int i, gv_vec3 arm, double sign) {
+  gv_triple J;
+  for (int k = 0; k < 3; k++) {
+    gv_vec3 d = gv_scale(s->along[i][k], sign), turn = gv_cross(arm, d);
+    const double row[6] = {d.x, d.y, d.z, turn.x, turn.y, turn.z};
+    memcpy(J.m[k], row, sizeof row);
+  }
+  return J;
+}
+
+// In the world's axes: 1 | -[arm]x.
+static gv_triple point_jacobian(gv_vec3 arm) {
+  return (gv_triple){{{1, 0, 0, 0, arm.z, -arm.y}, {0, 1, 0, -arm.z, 0, arm.x}, {0, 0, 1, arm.y, -arm.x, 0}}};
 }
 
 static gv_triple times_triple(const gv_mat3 *W, gv_triple *J) {
@@ -204,41 +259,59 @@ static gv_triple times_triple(const gv_mat3 *W, gv_triple *J) {
   return out;
 }
 
-// v += J^T x.
-static void add_impulse(gv_six *v, gv_triple *J, gv_vec3 x) {
-  const double f[3] = {-x.x, -x.y, -x.z};
-  gv_six_subtract(v->m, f, 1, J->m, 3);
-}
-
-static bool is_lone(const gv_direct *s, int i) { return s->node_a[i] >= s->blocks.nodes; }
-
 // Impulses of contact i as they are now, on both bodies. Of a limb with one contact only those that stay: the others come as
 // a whole later, since at the start they are a million times what they will be.
 static void add_impulses(gv_direct *s, int i) {
   double x[3];
+  if (is_lone(s, i) && (s->bold || is_stuck(s, i))) return;
   for (int k = 0; k < 3; k++) {
     int r = 3 * i + k;
-    x[k] = is_lone(s, i) && (s->bold || s->row[r] == GV_DIRECT_HOLDS) ? 0.0 : impulse_on(s, r, s->row[r], s->u[r]);
+    x[k] = is_lone(s, i) && s->row[r] == GV_DIRECT_HOLDS ? 0.0 : impulse_on(s, r, s->row[r], s->u[r]);
   }
-  if (s->node_a[i] >= 0) add_impulse(&s->dv[s->node_a[i]], &s->Ja[i], gv_v3(x[0], x[1], x[2]));
-  if (s->node_b[i] >= 0) add_impulse(&s->dv[s->node_b[i]], &s->Jb[i], gv_v3(x[0], x[1], x[2]));
+  gv_vec3 on_a = in_world(s, i, gv_v3(x[0], x[1], x[2]));
+  if (s->node_a[i] >= 0) add_impulse(&s->dv[s->node_a[i]], s->arm_a[i], on_a);
+  if (s->node_b[i] >= 0) add_impulse(&s->dv[s->node_b[i]], s->arm_b[i], gv_neg(on_a));
 }
 
-// Velocities of a limb that impulses y give it.
+// Velocities of a limb, whose mass and inertia are the same in every direction, that impulses y give it.
 static gv_six accelerated(const gv_direct *s, int n, const gv_six *y) {
   double m = 1.0 / s->mass[n], turn = 1.0 / s->inertia[n].m[0][0];
   return (gv_six){{m * y->m[0], m * y->m[1], m * y->m[2], turn * y->m[3], turn * y->m[4], turn * y->m[5]}};
 }
 
-// How the impulses answer to the other body's velocity when the limb gives way: B (1 / stiff + J M^-1 J^T B)^-1 in the rows
-// that hold. A limb's mass and inertia are the same in every direction.
-static gv_mat3 lone_stiffness(const gv_direct *s, int i) {
-  const double(*J)[6] = s->Ja[i].m;
-  const gv_mat3 B = follow(s, i);
-  const double m = 1.0 / s->mass[s->node_a[i]], turn = 1.0 / s->inertia[s->node_a[i]].m[0][0];
-  gv_mat3 yields, A;
+// How a limb gives way at the end of its arm, J M^-1 J^T in the world's axes.
+static gv_mat3 yielding(const gv_direct *s, int i) {
+  const gv_vec3 arm = s->arm_a[i];
+  double m = 1.0 / s->mass[s->node_a[i]], turn = 1.0 / s->inertia[s->node_a[i]].m[0][0];
+  return scaled_sum(m + turn * gv_norm2(arm), -turn, arm);
+}
+
+// How the impulses answer to the other body's velocity when the limb gives way, in the world's axes: (1 / stiff + yielding)^-1.
+static gv_mat3 stuck_stiffness(const gv_direct *s, int i) {
+  double soft_n = 1.0 / s->stiff[3 * i], soft_t = 1.0 / s->stiff[3 * i + 1];
+  gv_mat3 A = yielding(s, i), soft = scaled_sum(soft_t, soft_n - soft_t, s->along[i][0]);
   for (int r = 0; r < 3; r++)
-    for (int c = 0; c < 3; c++) yields.m[r][c] = turn * (J[r][3] * J[c][3] + J[r][4] * J[c][4] + J[r][5] * J[c][5]) + (r == c ? m : 0.0);
+    for (int c = 0; c < 3; c++) A.m[r][c] += soft.m[r][c];
+  return gv_mat3_inverse(&A);
+}
+
+// R^T K R: from the axes of contact i to the world's.
+static gv_mat3 to_world(const gv_direct *s, int i, const gv_mat3 *K) {
+  const gv_vec3 *d = s->along[i];
+  const gv_mat3 R = {{{d[0].x, d[0].y, d[0].z}, {d[1].x, d[1].y, d[1].z}, {d[2].x, d[2].y, d[2].z}}};
+  const gv_mat3 T = {{{d[0].x, d[1].x, d[2].x}, {d[0].y, d[1].y, d[2].y}, {d[0].z, d[1].z, d[2].z}}};
+  gv_mat3 KR = gv_mat3_times(K, &R);
+  return gv_mat3_times(&T, &KR);
+}
+
+// The same where some rows hold and others follow: B (1 / stiff + yielding B)^-1 in the rows that hold.
+static gv_mat3 sliding_stiffness(const gv_direct *s, int i) {
+  const gv_mat3 B = follow(s, i), Y = yielding(s, i);
+  gv_mat3 yields, A;
+  for (int c = 0; c < 3; c++) {
+    gv_vec3 u = gv_mat3_mul(&Y, s->along[i][c]);
+    for (int r = 0; r < 3; r++) yields.m[r][c] = gv_dot(s->along[i][r], u);
+  }
   A = gv_mat3_times(&yields, &B);
   for (int r = 0; r < 3; r++) {
     if (s->row[3 * i + r] == GV_DIRECT_HOLDS) A.m[r][r] += 1.0 / s->stiff[3 * i + r];
@@ -247,44 +320,71 @@ static gv_mat3 lone_stiffness(const gv_direct *s, int i) {
   A = gv_mat3_inverse(&A);
   for (int r = 0; r < 3; r++)
     if (s->row[3 * i + r] != GV_DIRECT_HOLDS) A.m[r][0] = A.m[r][1] = A.m[r][2] = 0.0;
-  return gv_mat3_times(&B, &A);
+  A = gv_mat3_times(&B, &A);
+  return to_world(s, i, &A);
 }
 
 // A limb with one contact is solved for beforehand: to the other body its contact is a softer one.
 static void add_lone(gv_direct *s, int i) {
   const int a = s->node_a[i], b = s->node_b[i];
-  gv_six own = accelerated(s, a, &s->dv[a]);
-  gv_mat3 K = s->lone[i] = lone_stiffness(s, i);
-  const double *now = &s->u[3 * i], *asked = &s->asked[3 * i];
-  s->lone_u[i] = gv_add(times_six(&s->Ja[i], own.m), gv_v3(now[0] - asked[0], now[1] - asked[1], now[2] - asked[2]));
+  s->dv[a] = accelerated(s, a, &s->dv[a]);
+  gv_mat3 K = s->lone[i] = is_stuck(s, i) ? stuck_stiffness(s, i) : sliding_stiffness(s, i);
+  gv_vec3 u = gv_add(relative_velocity(s, i, s->v), point_velocity(&s->dv[a], s->arm_a[i]));
+  s->lone_u[i] = gv_mad(u, -s->asked[3 * i], s->along[i][0]);
   if (b < 0) return;
-  gv_triple KJ = times_triple(&K, &s->Jb[i]);
-  add_product(gv_blocks_at(&s->blocks, b, b), &s->Jb[i], &KJ);
-  add_impulse(&s->dv[b], &s->Jb[i], gv_neg(gv_mat3_mul(&K, s->lone_u[i])));
+  add_impulse(&s->dv[b], s->arm_b[i], gv_mat3_mul(&K, s->lone_u[i]));
+  if (is_stuck(s, i)) {
+    add_stuck(gv_blocks_at(&s->blocks, b, b), 1.0, &K, s->arm_b[i], s->arm_b[i]);
+    return;
+  }
+  gv_triple J = point_jacobian(s->arm_b[i]), KJ = times_triple(&K, &J);
+  add_product(gv_blocks_at(&s->blocks, b, b), &J, &KJ);
 }
 
 // Its velocities once those of the other body are known.
 static void step_lone(gv_direct *s, int i) {
   const int a = s->node_a[i], b = s->node_b[i];
   gv_vec3 u = s->lone_u[i];
-  if (b >= 0) u = gv_add(u, times_six(&s->Jb[i], s->dv[b].m));
-  add_impulse(&s->dv[a], &s->Ja[i], gv_neg(gv_mat3_mul(&s->lone[i], u)));
-  s->dv[a] = accelerated(s, a, &s->dv[a]);
+  if (b >= 0) u = gv_sub(u, point_velocity(&s->dv[b], s->arm_b[i]));
+  gv_six by_contact = {{0}};
+  add_impulse(&by_contact, s->arm_a[i], gv_neg(gv_mat3_mul(&s->lone[i], u)));
+  by_contact = accelerated(s, a, &by_contact);
+  for (int k = 0; k < 6; k++) s->dv[a].m[k] += by_contact.m[k];
+}
+
+static void add_stuck_contact(gv_direct *s, int i, bool symmetric) {
+  const int a = s->node_a[i], b = s->node_b[i];
+  const double stiff_t = s->stiff[3 * i + 1];
+  const gv_mat3 K = scaled_sum(stiff_t, s->stiff[3 * i] - stiff_t, s->along[i][0]);
+  if (a >= 0) add_stuck(gv_blocks_at(&s->blocks, a, a), 1.0, &K, s->arm_a[i], s->arm_a[i]);
+  if (b >= 0) add_stuck(gv_blocks_at(&s->blocks, b, b), 1.0, &K, s->arm_b[i], s->arm_b[i]);
+  if (a < 0 || b < 0) return;
+  bool a_first = gv_blocks_first(&s->blocks, a, b) == a;
+  gv_vec3 row = a_first ? s->arm_a[i] : s->arm_b[i], column = a_first ? s->arm_b[i] : s->arm_a[i];
+  add_stuck(gv_blocks_at(&s->blocks, a, b), -1.0, &K, row, column);
+  if (!symmetric) add_stuck(gv_blocks_mirror(&s->blocks, a, b), -1.0, &K, row, column);
+}
+
+static void add_sliding_contact(gv_direct *s, int i, bool symmetric) {
+  const int a = s->node_a[i], b = s->node_b[i];
+  gv_mat3 W = follow(s, i);
+  if (!memchr(&s->row[3 * i], GV_DIRECT_HOLDS, 3)) return;
+  for (int r = 0; r < 3; r++)
+    for (int c = 0; c < 3; c++) W.m[r][c] *= s->stiff[3 * i + c];
+  gv_triple Ja = jacobian(s, i, s->arm_a[i], 1.0), Jb = jacobian(s, i, s->arm_b[i], -1.0);
+  gv_triple WJa = times_triple(&W, &Ja), WJb = times_triple(&W, &Jb);
+  if (a >= 0) add_product(gv_blocks_at(&s->blocks, a, a), &Ja, &WJa);
+  if (b >= 0) add_product(gv_blocks_at(&s->blocks, b, b), &Jb, &WJb);
+  if (a < 0 || b < 0) return;
+  bool a_first = gv_blocks_first(&s->blocks, a, b) == a;
+  add_product(gv_blocks_at(&s->blocks, a, b), a_first ? &Ja : &Jb, a_first ? &WJb : &WJa);
+  if (!symmetric) add_product(gv_blocks_mirror(&s->blocks, a, b), a_first ? &WJa : &WJb, a_first ? &Jb : &Ja);
 }
 
 static void add_contact(gv_direct *s, int i, bool symmetric) {
-  const int a = s->node_a[i], b = s->node_b[i];
-  gv_triple *Ja = &s->Ja[i], *Jb = &s->Jb[i];
-  gv_mat3 W = follow(s, i);
-  for (int r = 0; r < 3; r++)
-    for (int c = 0; c < 3; c++) W.m[r][c] *= s->stiff[3 * i + c];
-  gv_triple WJa = times_triple(&W, Ja), WJb = times_triple(&W, Jb);
-  if (a >= 0) add_product(gv_blocks_at(&s->blocks, a, a), Ja, &WJa);
-  if (b >= 0) add_product(gv_blocks_at(&s->blocks, b, b), Jb, &WJb);
-  if (a < 0 || b < 0) return;
-  bool a_first = gv_blocks_first(&s->blocks, a, b) == a;
-  add_product(gv_blocks_at(&s->blocks, a, b), a_first ? Ja : Jb, a_first ? &WJb : &WJa);
-  if (!symmetric) add_product(gv_blocks_mirror(&s->blocks, a, b), a_first ? &WJa : &WJb, a_first ? Jb : Ja);
+  if (is_lone(s, i)) add_lone(s, i);
+  else if (is_stuck(s, i)) add_stuck_contact(s, i, symmetric);
+  else add_sliding_contact(s, i, symmetric);
 }
 
 // Newton's step from v on the pieces that the rows are on.
@@ -293,9 +393,7 @@ static bool find_step(gv_direct *s) {
   gv_blocks_clear(&s->blocks, symmetric);
   add_masses(s);
   for (int i = 0; i < s->count; i++) add_impulses(s, i);
-  for (int i = 0; i < s->count; i++)
-    if (is_lone(s, i)) add_lone(s, i);
-    else add_contact(s, i, symmetric);
+  for (int i = 0; i < s->count; i++) add_contact(s, i, symmetric);
   if (!gv_blocks_solve(&s->blocks, symmetric, s->dv)) return false;
   for (int i = 0; i < s->count; i++)
     if (is_lone(s, i)) step_lone(s, i);
@@ -436,12 +534,11 @@ static bool iterate(gv_direct *s, const gv_dynamics_contact *contact) {
 // ---- the answer -----------------------------------------------------------------------------------
 
 static gv_vec3 find_force(gv_direct *s, const gv_config *cfg, const gv_dynamics_contact *c, int i) {
-  const gv_vec3 along[3] = {c->normal, c->friction_dir, gv_cross(c->normal, c->friction_dir)};
-  gv_vec3 sum = gv_v3(0, 0, 0);
-  for (int k = 0; k < 3; k++) sum = gv_mad(sum, impulse_on(s, 3 * i + k, s->row[3 * i + k], s->u[3 * i + k]), along[k]);
-  s->last[i] = (gv_direct_guess){c->body_a, c->body_b, impulse_on(s, 3 * i, s->row[3 * i], s->u[3 * i]), {0}};
+  double x[3];
+  for (int k = 0; k < 3; k++) x[k] = impulse_on(s, 3 * i + k, s->row[3 * i + k], s->u[3 * i + k]);
+  s->last[i] = (gv_direct_guess){c->body_a, c->body_b, x[0], {0}};
   memcpy(s->last[i].row, &s->row[3 * i], 3);
-  return gv_scale(sum, 1.0 / cfg->step_s);
+  return gv_scale(in_world(s, i, gv_v3(x[0], x[1], x[2])), 1.0 / cfg->step_s);
 }
 
 static bool is_finite(const gv_direct *s) {

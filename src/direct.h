@@ -19,7 +19,7 @@ typedef struct gv_direct_body {
 typedef enum gv_direct_row { GV_DIRECT_OPEN, GV_DIRECT_HOLDS, GV_DIRECT_SLIDES_UP, GV_DIRECT_SLIDES_DOWN } gv_direct_row;
 typedef struct gv_direct_guess { int body_a, body_b; double normal_impulse; uint8_t row[3]; } gv_direct_guess;
 
-typedef struct gv_triple { double m[3][6]; } gv_triple;  // the Jacobian of one contact and one of its bodies
+typedef struct gv_triple { double m[3][6]; } gv_triple;  // a Jacobian of one contact and one of its bodies
 
 typedef struct gv_direct {
   gv_direct_guess last[GV_MAX_CONTACTS];   // the last step's contacts: the first guess of the next
@@ -30,7 +30,8 @@ typedef struct gv_direct {
   int node_a[GV_MAX_CONTACTS], node_b[GV_MAX_CONTACTS]; // -1: does not move
   int nodes;                               // the first ones in `blocks`, then the limbs with one contact each
   uint8_t row[GV_DIRECT_ROWS];
-  gv_triple Ja[GV_MAX_CONTACTS], Jb[GV_MAX_CONTACTS];
+  gv_vec3 along[GV_MAX_CONTACTS][3];       // of each row, unit: normal and two of friction
+  gv_vec3 arm_a[GV_MAX_CONTACTS], arm_b[GV_MAX_CONTACTS]; // from the bodies' origins, metres
   double asked[GV_DIRECT_ROWS];            // velocity, m/s
   double stiff[GV_DIRECT_ROWS];            // N s for a velocity of 1 m/s
   double mu[GV_MAX_CONTACTS];
@@ -41,7 +42,7 @@ typedef struct gv_direct {
   double mass[GV_NODES];
   gv_mat3 inertia[GV_NODES];
   gv_blocks blocks;
-  gv_mat3 lone[GV_MAX_CONTACTS];           // how stiff the contact of such a limb is to the other body, 1 / (m/s of 1 N s)
+  gv_mat3 lone[GV_MAX_CONTACTS];           // how stiff the contact of such a limb is to the other body, N s for 1 m/s, world
   gv_vec3 lone_u[GV_MAX_CONTACTS];         // its velocity, beyond what is asked, if the other body kept its own
 } gv_direct;
 
