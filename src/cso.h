@@ -33,6 +33,7 @@ typedef struct gv_epa_result {
   double depth;           // h(normal), metres; negative: this direction separates the cores
   double lower_bound;     // of the depth
   gv_vec3 normal, on_a;   // frame of B; on_a on the core of A
+  uint16_t corner_a[3], corner_b[3], corners; // of the side, as in gv_pair_cache
   int iterations;
 } gv_epa_result;
 
@@ -63,6 +64,19 @@ static inline gv_cso_point gv_cso_support(const gv_cso *cso, gv_vec3 n) {
   gv_vec3 b = gv_core_support(&cso->b, n, &cso->cache->vertex_b);
   gv_vec3 a = gv_core_support(&cso->a, gv_neg(n), &cso->cache->vertex_a);
   return (gv_cso_point){gv_sub(b, a), a, cso->cache->vertex_a, cso->cache->vertex_b};
+}
+
+static inline bool gv_core_has_vertex(const gv_core *core, unsigned vertex) {
+  return core->kind == GV_CORE_HULL ? vertex < (unsigned)core->hull->vertex_count : vertex < (core->kind == GV_CORE_BOX ? 8U : 2U);
+}
+
+// Corner k of the cache, where it is now; false where the shapes have no such vertices.
+static inline bool gv_cso_recall(const gv_cso *cso, int k, gv_cso_point *out) {
+  uint16_t i = cso->cache->corner_a[k], j = cso->cache->corner_b[k];
+  if (!gv_core_has_vertex(&cso->a, i) || !gv_core_has_vertex(&cso->b, j)) return false;
+  gv_vec3 a = gv_core_vertex(&cso->a, i);
+  *out = (gv_cso_point){gv_sub(gv_core_vertex(&cso->b, j), a), a, i, j};
+  return true;
 }
 
 // A point inside the core, frame of B.

@@ -68,6 +68,21 @@ static void ask_seeds(search *s, gv_vec3 guess) {
   }
 }
 
+// The side that was the nearest last time, and the far side: mostly that is all. False where none is known.
+static bool recall_seeds(search *s, gv_vec3 guess) {
+  gv_cso_point p;
+  if (!s->cso->cache->overlap || s->cso->cache->corners != 3) return false;
+  for (int k = 0; k < 3; k++) {
+    if (!gv_cso_recall(s->cso, k, &p)) return false;
+    s->w[k] = p.w, s->on_a[k] = p.a, s->vertex_a[k] = p.vertex_a, s->vertex_b[k] = p.vertex_b;
+    s->size = fmax(s->size, gv_norm(p.w));
+  }
+  s->count = 3;
+  (void)ask(s, gv_neg(guess));
+  keep_point(s);
+  return true;
+}
+
 // A tetrahedron of the seeds; where they lie in a plane, of what lies off that plane too.
 static bool start_polytope(search *s) {
   double tolerance = 1e-9 * s->size;
@@ -153,10 +168,12 @@ static void descend(search *s, int *io_iterations) {
 }
 
 // The point of A under the origin's foot on the best plane: of the triangles of that side, the one that holds it.
-static gv_vec3 find_on_a(const search *s) {
+static void find_on_a(const search *s, gv_epa_result *out) {
   const gv_polytope *P = &s->polytope;
+  const gv_polytope_face *best = NULL;
   double least = HUGE_VAL;
-  gv_vec3 on_a = s->on_a[0], foot = gv_scale(s->best_normal, s->best);
+  gv_vec3 foot = gv_scale(s->best_normal, s->best);
+  out->on_a = s->on_a[0];
   for (int f = 0; f < P->face_count; f++) {
     if (!gv_polytope_alive(P, f) || P->face[f].offset > s->best + same_side) continue;
     gv_simplex side = {.count = 3};
@@ -165,9 +182,10 @@ static gv_vec3 find_on_a(const search *s) {
       side.p[k] = (gv_cso_point){.w = s->w[v], .a = s->on_a[v]};
     }
     double off = gv_norm(gv_sub(gv_simplex_solve_triangle(&side), foot));
-    if (off < least) least = off, on_a = gv_simplex_on_a(&side);
+    if (off < least) least = off, out->on_a = gv_simplex_on_a(&side), best = &P->face[f];
   }
-  return on_a;
+  out->corners = best ? 3 : 0;
+  for (int k = 0; k < out->corners; k++) out->corner_a[k] = s->vertex_a[best->vertex[k]], out->corner_b[k] = s->vertex_b[best->vertex[k]];
 }
 
 bool gv_epa_run(const gv_cso *cso, gv_vec3 guess, gv_epa_result *out) {
@@ -177,7 +195,7 @@ bool gv_epa_run(const gv_cso *cso, gv_vec3 guess, gv_epa_result *out) {
   s.size = 0;
   s.polytope = (gv_polytope){.point = s.w, .face = s.face, .edge = s.edge, .seen = s.seen, .link = s.link,
                              .face_max = GV_EPA_MAX_FACES, .free_head = -1, .least_offset = -HUGE_VAL};
-  ask_seeds(&s, guess);
+  if (!recall_seeds(&s, guess)) ask_seeds(&s, guess);
   if (!start_polytope(&s)) return false;
   s.polytope.tolerance = 1e-12 * s.size;
   s.best = s.unproved = HUGE_VAL;
@@ -188,7 +206,7 @@ bool gv_epa_run(const gv_cso *cso, gv_vec3 guess, gv_epa_result *out) {
   if (out->iterations == GV_EPA_MAX_ITERATIONS) descend(&s, &out->iterations);
   out->depth = s.best;
   out->normal = s.best_normal;
-  out->on_a = find_on_a(&s);
+  find_on_a(&s, out);
   return isfinite(s.best);
 }
 

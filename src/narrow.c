@@ -21,25 +21,17 @@ static bool is_corner(const gv_simplex *s, gv_vec3 w) {
   return false;
 }
 
-static bool has_vertex(const gv_core *core, unsigned vertex) {
-  return core->kind == GV_CORE_HULL ? vertex < (unsigned)core->hull->vertex_count : vertex < (core->kind == GV_CORE_BOX ? 8U : 2U);
-}
-
 // The corners that carried the nearest point last time, where they are now.
 static bool recall_simplex(const gv_cso *cso, gv_simplex *s) {
   const gv_pair_cache *c = cso->cache;
-  if (c->corners == 0 || c->corners > 3) return false;
-  for (s->count = 0; s->count < c->corners; s->count++) {
-    uint16_t i = c->corner_a[s->count], k = c->corner_b[s->count];
-    if (!has_vertex(&cso->a, i) || !has_vertex(&cso->b, k)) return false;
-    gv_vec3 a = gv_core_vertex(&cso->a, i);
-    s->p[s->count] = (gv_cso_point){gv_sub(gv_core_vertex(&cso->b, k), a), a, i, k};
-  }
+  if (c->corners == 0 || c->corners > 3 || c->overlap) return false;
+  for (s->count = 0; s->count < c->corners; s->count++)
+    if (!gv_cso_recall(cso, s->count, &s->p[s->count])) return false;
   return true;
 }
 
 static void keep_simplex(gv_pair_cache *cache, const gv_simplex *s) {
-  cache->corners = (uint16_t)s->count;
+  cache->corners = (uint16_t)s->count, cache->overlap = 0;
   for (int k = 0; k < s->count; k++) cache->corner_a[k] = s->p[k].vertex_a, cache->corner_b[k] = s->p[k].vertex_b;
 }
 
@@ -80,6 +72,11 @@ static void take_apart(const gv_simplex *s, gv_vec3 v, gv_distance *out) {
   out->method = GV_NARROW_GJK;
 }
 
+static void keep_side(gv_pair_cache *cache, const gv_epa_result *r) {
+  cache->corners = r->corners, cache->overlap = 1;
+  for (int k = 0; k < r->corners; k++) cache->corner_a[k] = r->corner_a[k], cache->corner_b[k] = r->corner_b[k];
+}
+
 static void take_overlap(const gv_epa_result *r, gv_narrow_method method, gv_distance *out) {
   out->distance = -r->depth;
   out->normal_world = r->normal;
@@ -99,6 +96,7 @@ static void settle_depth(const gv_cso *cso, gv_vec3 guess, const gv_epa_result *
   gv_epa_result best = *found, other;
   gv_narrow_method method = GV_NARROW_EPA;
   out->iterations += found->iterations;
+  cso->cache->corners = 0;
   if (!has_met(&best) && gv_epa_run(cso, gv_normalize_or(gv_mad(best.normal, 0.1, gv_any_perpendicular(best.normal)), guess), &other)) {
     out->iterations += other.iterations;
     if (is_better(&other, &best)) best = other;
@@ -109,6 +107,7 @@ static void settle_depth(const gv_cso *cso, gv_vec3 guess, const gv_epa_result *
     if (is_better(&other, &best)) best = other, method = GV_NARROW_FACES;
   }
   take_overlap(&best, method, out);
+  keep_side(cso->cache, &best);
 }
 
 static void find_depth(const gv_cso *cso, gv_vec3 guess, gv_distance *out) {
@@ -173,7 +172,7 @@ static void distance_of_cores(const gv_cso *cso, double limit, gv_distance *out)
 // Pairs that were far mostly still are: two support heights along the last normal tell, before anything is placed.
 static bool still_far(const gv_shape *a, const gv_pose *T_world_a, const gv_shape *b, const gv_pose *T_world_b, double limit, gv_pair_cache *cache) {
   gv_vec3 n = cache->normal_world;
-  if (cache->corners > 0 || fabs(gv_norm2(n) - 1) > 1e-9) return false;
+  if (cache->corners > 0 || cache->overlap || fabs(gv_norm2(n) - 1) > 1e-9) return false;
   double high = gv_core_height(b, gv_rotate_inv(T_world_b->q, n), &cache->vertex_b);
   double low = gv_core_height(a, gv_rotate_inv(T_world_a->q, gv_neg(n)), &cache->vertex_a);
   return gv_dot(n, gv_sub(T_world_a->p, T_world_b->p)) - low - high > limit;

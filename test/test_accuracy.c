@@ -183,6 +183,7 @@ static void show_pose(const query *q) {
 static gv_pair_cache draw_cache(void) {
   gv_pair_cache c = {.normal_world = draw_unit(), .vertex_a = (uint16_t)draw(0, 60000), .vertex_b = (uint16_t)draw(0, 60000), .corners = (uint16_t)draw(0, 5)};
   for (int k = 0; k < 3; k++) c.corner_a[k] = (uint16_t)draw(0, 9), c.corner_b[k] = (uint16_t)draw(0, 9);
+  c.overlap = (uint16_t)draw(0, 2);
   return c;
 }
 

@@ -23,6 +23,7 @@ typedef struct gv_pair_cache {
   gv_vec3 normal_world;   // last normal, or zero
   uint16_t vertex_a, vertex_b; // last support vertices (hill climbing); of a segment or box its signs, bit by bit
   uint16_t corner_a[3], corner_b[3], corners; // vertices whose differences carried the nearest point; 0: none
+  uint16_t overlap;       // 1: the cores overlapped, the corners are those of the side
 } gv_pair_cache;
 
 typedef enum gv_narrow_method { GV_NARROW_GJK, GV_NARROW_EPA, GV_NARROW_FACES, GV_NARROW_FAR } gv_narrow_method;
