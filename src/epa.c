@@ -6,7 +6,8 @@
 // also where it is negative (the origin still outside). Every direction that was asked gives an upper
 // bound, h itself. The best of these is the answer: whatever rounding does to the polytope, the answer
 // is a true h(n) of a unit n, and the search ends when the bounds meet. The obstacle is a polyhedron, so
-// they meet exactly, after a few steps when the guess is the normal of the last time.
+// they meet exactly. The side of the last time and the far side are the seeds where the cores overlapped then:
+// mostly nothing has to be added.
 // Pure; any thread.
 #include "narrow_simplex.h"
 #include "polytope.h"

@@ -6,7 +6,7 @@
 // The reference polygon is the side of one core that faces the contact normal best. The other core's
 // side, or segment, is clipped against the prism that the reference sweeps along the normal; the gap of
 // each corner is measured along the normal, so it is never less than the distance of the pair. Works in
-// the frame of B. Pure; any thread. Cost: 0.3 us for a limb, 0.5 us flat on flat, beside the distance.
+// the frame of B. Pure; any thread. Cost: 0.1 us beside the distance, 0.4 us for a limb along small faces.
 #include "cso.h"
 
 enum { CORNERS = 2 * GV_MAX_FACE_VERTICES + 8, WALK = 16, NO_FACE = 0xffff };

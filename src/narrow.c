@@ -141,7 +141,8 @@ static gv_vec3 first_guess(const gv_cso *cso, bool *out_warm) {
   return *out_warm ? last : gv_normalize_or(gv_sub(gv_core_center(&cso->a), gv_core_center(&cso->b)), gv_v3(0, 0, 1));
 }
 
-static void take_far(double limit, gv_vec3 n, gv_distance *out) {
+static void take_far(const gv_cso *cso, double limit, gv_vec3 n, gv_distance *out) {
+  cso->cache->corners = cso->cache->overlap = 0;
   out->method = GV_NARROW_FAR, out->distance = limit, out->normal_world = n;
 }
 
@@ -158,7 +159,7 @@ static void distance_of_cores(const gv_cso *cso, double limit, gv_distance *out)
       if (still_overlap(cso, &n, out)) return;
       s.p[0] = gv_cso_support(cso, n);
     } else if (-overlap > limit) {
-      take_far(limit, n, out);
+      take_far(cso, limit, n, out);
       return;
     }
   }
@@ -166,7 +167,7 @@ static void distance_of_cores(const gv_cso *cso, double limit, gv_distance *out)
   cso->cache->corners = 0;
   if (end == APART) take_apart(&s, v, out), keep_simplex(cso->cache, &s);
   if (end == OVERLAP) find_depth(cso, first_guess(cso, &warm), out);
-  if (end == FAR) take_far(limit, n, out);
+  if (end == FAR) take_far(cso, limit, n, out);
 }
 
 // Pairs that were far mostly still are: two support heights along the last normal tell, before anything is placed.
