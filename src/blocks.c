@@ -3,6 +3,7 @@
 // where a symmetric matrix has nothing new, since then L = U^T D^-1.
 #include "blocks.h"
 
+#include <math.h>
 #include <string.h>
 
 static bool take_block(gv_blocks *b, int i, int k) {
@@ -72,7 +73,7 @@ static bool factor(gv_block *H) {
       row[k] *= H->m[k][k];
       for (int c = k + 1; c < 6; c++) row[c] -= row[k] * H->m[k][c];
     }
-    if (!(row[r] > 0.0)) return false;
+    if (!(fabs(row[r]) > 1e-9)) return false;
     row[r] = 1.0 / row[r];
   }
   return true;

@@ -52,7 +52,7 @@ static inline void gv_six_subtract(double *row, const double *f, int step, doubl
   row[0] = a, row[1] = b, row[2] = c, row[3] = d, row[4] = e, row[5] = g;
 }
 
-// Solves for x in place of the right-hand side; the matrix is used up. False where a pivot is not positive.
+// Solves for x in place of the right-hand side; the matrix is used up. False where a pivot is zero.
 bool gv_blocks_solve(gv_blocks *b, bool symmetric, gv_six io_x[]);
 
 #endif

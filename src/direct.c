@@ -462,15 +462,13 @@ static void take_step(gv_direct *s, double t) {
   find_velocities(s, s->v, s->u);
 }
 
-// Full steps from the pieces that the rows are on. Leaves the first one's velocities in `first`, where it is asked for.
-static bool step_boldly(gv_direct *s, gv_six *first) {
+// Full steps from the pieces that the rows are on, at most so many.
+static bool step_boldly(gv_direct *s, int most) {
   s->bold = true;
-  find_velocities(s, s->v, s->u);
   for (int i = 0; i < s->count; i++) set_limit(s, i);
-  for (int i = 0; i < BOLD; i++) {
+  for (int i = 0; i < most; i++) {
     if (!find_step(s)) return false;
     take_step(s, 1.0);
-    if (i == 0 && first) memcpy(first, s->v, sizeof *first * (size_t)s->nodes);
     if (set_pieces(s)) return true;
   }
   return false;
@@ -479,7 +477,6 @@ static bool step_boldly(gv_direct *s, gv_six *first) {
 // The convex problem of the friction limits as they are, from v.
 static bool step_safely(gv_direct *s) {
   s->bold = false;
-  find_velocities(s, s->v, s->u);
   set_pieces(s);
   for (int i = 0; i < SAFE; i++) {
     if (!find_step(s)) return false;
@@ -489,15 +486,20 @@ static bool step_safely(gv_direct *s) {
   return false;
 }
 
-// The last step's friction limits; of a new contact those that its velocity gives.
-static void take_limits(gv_direct *s, const gv_dynamics_contact *contact) {
-  find_velocities(s, s->v, s->u);
+// The last step's pieces and friction limits, and a full step from there. A new contact gets its limit after that.
+static bool start_safely(gv_direct *s, const gv_dynamics_contact *contact) {
+  s->bold = false;
   take_guess(s, contact);
+  memcpy(s->v, s->free, sizeof s->v[0] * (size_t)s->nodes);
+  find_velocities(s, s->v, s->u);
+  if (!find_step(s)) return false;
+  take_step(s, 1.0);
   for (int i = 0; i < s->count; i++) {
     if (s->limit[3 * i + 1] < HUGE_VAL) continue;
     s->row[3 * i] = piece_at(s, 3 * i, s->u[3 * i]);
     set_limit(s, i);
   }
+  return true;
 }
 
 // Halfway from the limits that were given to those that came out.
@@ -511,21 +513,21 @@ static void mix_limits(gv_direct *s) {
 static bool iterate(gv_direct *s, const gv_dynamics_contact *contact) {
   const size_t of_v = sizeof s->v[0] * (size_t)s->nodes, of_limit = 3 * sizeof s->limit[0] * (size_t)s->count;
   s->limits_right = true;
-  memcpy(s->kept_v, s->v, of_v);
-  if (step_boldly(s, s->kept_v)) return true;
-  memcpy(s->v, s->kept_v, of_v);
-  take_limits(s, contact);
+  take_guess(s, contact);
+  find_velocities(s, s->v, s->u);
+  if (step_boldly(s, BOLD)) return true;
+  if (!start_safely(s, contact)) return false;
   for (int round = 0; round < ROUNDS; round++) {
+    if (round > 0) mix_limits(s);
     if (!step_safely(s)) return false;
     memcpy(s->kept_v, s->v, of_v);
     memcpy(s->kept_limit, s->limit, of_limit);
-    if (step_boldly(s, NULL)) return true;
+    if (step_boldly(s, BOLD)) return true;
     memcpy(s->v, s->kept_v, of_v);
     memcpy(s->limit, s->kept_limit, of_limit);
     s->bold = false;
     find_velocities(s, s->v, s->u);
     set_pieces(s);
-    if (round + 1 < ROUNDS) mix_limits(s);
   }
   s->limits_right = false;
   return true;
@@ -554,7 +556,6 @@ bool gv_direct_solve(gv_direct *s, const gv_config *cfg, gv_direct_body io_body[
   s->count = count;
   if (!make_nodes(s, node, io_body, contact)) return false;
   for (int i = 0; i < count; i++) make_rows(s, cfg, io_body, &contact[i], i);
-  take_guess(s, contact);
   if (!iterate(s, contact) || !is_finite(s)) return false;
   for (int i = 0; i < count; i++) force_on_a[i] = find_force(s, cfg, &contact[i], i);
   s->last_count = count;

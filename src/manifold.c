@@ -16,6 +16,7 @@ static const double steep = 0.3;       // least cosine of reference face and nor
 static const double flat = 1 - 1e-9;    // cosine: no other face is nearer (45 microradians)
 static const double on_side = 1e-9;    // metres: a corner this far outside the prism is still inside
 static const double same_gap = 1e-9;   // metres
+static const double rocks = 1e-4;      // metres: over edges so much farther than the closest point a limb may rock within a step
 static const double same_place = 1e-5; // metres: nearer contacts are one
 
 typedef struct polygon {
@@ -33,7 +34,7 @@ typedef struct corner {   // a contact to be
 
 typedef struct manifold {
   gv_vec3 n;              // unit, from B to A
-  double limit;           // largest gap of the cores that counts
+  double limit, closest;  // largest gap of the cores that counts, and the least there is
   corner corner[CORNERS];
   int count;
 } manifold;
@@ -207,24 +208,31 @@ static double leave_face(const polygon *face, gv_vec3 up, const polygon *segment
 
 typedef struct limb_end { double at, gap; uint16_t face; } limb_end;
 
+static void add_limb_corner(manifold *m, const polygon *segment, limb_end end, gv_vec3 up, bool of_b) {
+  gv_vec3 p = gv_mad(segment->p[0], end.at, gv_sub(segment->p[1], segment->p[0])), foot = gv_mad(p, -end.gap, up);
+  if (of_b) add_corner(m, p, foot, end.gap, end.face);
+  else add_corner(m, foot, p, end.gap, NO_FACE);
+}
+
 // From `face`, over which `part` of the segment lies, on over the neighbouring faces towards its end (0 or 1),
 // while they are neither steep nor out of reach. A limb along an edge lies half over one face and half over the other.
-static limb_end walk_limb(const gv_core *core, const polygon *face, span part, gv_vec3 up, double limit, const polygon *segment, bool to_end) {
+// Contacts are where it ends, and the edges on the way that it may rock on: without them it would rock each step.
+static void walk_limb(manifold *m, const gv_core *core, const polygon *face, span part, gv_vec3 up, const polygon *segment, bool to_end, bool of_b) {
   polygon side;
-  gv_vec3 along = gv_sub(segment->p[1], segment->p[0]);
   double at = to_end ? part.to : part.from;
   int leaves = to_end ? part.to_side : part.from_side;
-  limb_end end = {at, gap_over(face, up, gv_mad(segment->p[0], at, along)), face->face};
-  for (int steps = 0; steps < WALK && leaves >= 0 && core->kind == GV_CORE_HULL && end.gap <= limit; steps++) {
+  limb_end end = {at, gap_over(face, up, gv_mad(segment->p[0], at, gv_sub(segment->p[1], segment->p[0]))), face->face};
+  for (int steps = 0; steps < WALK && leaves >= 0 && core->kind == GV_CORE_HULL && end.gap <= m->limit; steps++) {
     int next = face_across(core->hull, end.face, leaves);
     if (gv_dot(hull_turn(core, core->hull->face_normal[next]), up) < steep) break;
     take_hull_face(core, next, &side);
     at = leave_face(&side, up, segment, to_end, &leaves);
-    double gap = gap_over(&side, up, gv_mad(segment->p[0], at, along));
-    if (gap > limit || (to_end ? at <= end.at : at >= end.at)) break;
+    double gap = gap_over(&side, up, gv_mad(segment->p[0], at, gv_sub(segment->p[1], segment->p[0])));
+    if (gap > m->limit || (to_end ? at <= end.at : at >= end.at)) break;
+    if (end.gap <= m->closest + rocks) add_limb_corner(m, segment, end, up, of_b);
     end = (limb_end){at, gap, side.face};
   }
-  return end;
+  add_limb_corner(m, segment, end, up, of_b);
 }
 
 // The nearest face to the reference that the limb lies over at all: the reference, or one around the vertex.
@@ -241,17 +249,12 @@ static bool find_under_limb(const gv_core *core, int vertex, gv_vec3 up, const p
   return false;
 }
 
-// A limb along the sides of a core: the two ends of what lies over it are contacts.
+// A limb along the sides of a core.
 static void clip_limb(manifold *m, const gv_core *core, int vertex, polygon *reference, const polygon *segment, bool of_b) {
-  gv_vec3 up = of_b ? m->n : gv_neg(m->n), along = gv_sub(segment->p[1], segment->p[0]);
+  gv_vec3 up = of_b ? m->n : gv_neg(m->n);
   span part;
   if (!find_under_limb(core, vertex, up, segment, reference, &part)) return;
-  for (int k = 0; k < 2; k++) {
-    limb_end end = walk_limb(core, reference, part, up, m->limit, segment, k == 1);
-    gv_vec3 p = gv_mad(segment->p[0], end.at, along), foot = gv_mad(p, -end.gap, up);
-    if (of_b) add_corner(m, p, foot, end.gap, end.face);
-    else add_corner(m, foot, p, end.gap, NO_FACE);
-  }
+  for (int k = 0; k < 2; k++) walk_limb(m, core, reference, part, up, segment, k == 1, of_b);
 }
 
 // Of two corners in one place the deeper stays. The order of the others is kept: it is the order of the solver's rows.
@@ -333,7 +336,7 @@ int gv_manifold_pair(const gv_shape *a, const gv_pose *T_world_a, const gv_shape
   gv_distance_in_b(a, T_world_a, b, T_world_b, margin, cache, &cso, &d);
   if (out_distance) *out_distance = d, gv_distance_to_world(T_world_b, cache, out_distance);
   if (d.method == GV_NARROW_FAR || d.distance > margin) return 0;
-  m.n = d.normal_world, m.limit = margin + radii, m.count = 0;
+  m.n = d.normal_world, m.limit = margin + radii, m.closest = d.distance + radii, m.count = 0;
   gather(&m, &cso, cache, &face_b);
   add_closest(&m, a, &d, radii, face_b);
   merge_near(&m);
