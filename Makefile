@@ -168,7 +168,7 @@ traces: $(B)/gloved $(B)/fcusim
 	$(Q)for t in data/traces/*/; do B=$(B) tools/record-trace $$(basename $$t) || exit 1; done
 	$(Q)$(MAKE) --no-print-directory golden
 
-## bench-accuracy: a million poses of each of 32 pair types against exact oracles (make test runs a part; 15 minutes)
+## bench-accuracy: a million poses of each of 32 pair types against exact oracles (make test runs a tenth; 10 minutes)
 bench-accuracy: $(B)/test/test_accuracy
 	$(Q)$< --list | GV_POSES=$${GV_POSES:-1000000} xargs -n1 -P$$(nproc) $<
 

@@ -160,6 +160,29 @@ static void test_limb_along_an_edge(void) {
   }
 }
 
+// A limb across a roof of five faces rests on the two edges of its top, whichever way it rocks; the slopes beside
+// them fall by 0.1 mm and are within the margin, too.
+static void test_limb_on_two_edges(void) {
+  static char memory[100000];
+  static const double y[6] = {0.003, 0.010, 0.012, -0.003, -0.010, -0.012}, z[6] = {0, -0.0001, -0.01, 0, -0.0001, -0.01};
+  gv_vec3 p[12];
+  gv_arena arena;
+  gv_hull roof;
+  for (int i = 0; i < 12; i++) p[i] = gv_v3(i % 2 ? 0.02 : -0.02, y[i / 2], z[i / 2]);
+  gv_arena_init(&arena, memory, sizeof memory);
+  CHECK(!gv_hull_build(&arena, p, 12, &roof), "no hull");
+  for (int i = 0; i < 200; i++) {
+    double rock = draw(-1, 1) * pow(10, draw(-9, -3.3)), depth = draw(0, 2e-5);
+    gv_pose T = {gv_quat_mul(turn(1, 0, 0, rock), turn(0, 0, 1, 0.5 * GV_PI)), {draw(-0.01, 0.01), 0, 0.008 - depth}}, B = {draw_rotation(), draw_vector(1)};
+    contacts c = touch(limb(), gv_pose_mul(B, T), gv_shape_hull(&roof), B, NULL);
+    for (int side = -1; side <= 1; side += 2) {
+      const gv_contact_point *k = at(&c, gv_transform(B, gv_v3(T.p.x, 0.003 * side, 0)), 5e-5);
+      CHECK(k != NULL, "rocked by %g: no contact at the edge at y = %g", rock, 0.003 * side);
+      if (k) CHECK_NEAR(k->depth, depth - 0.003 * side * rock, 1e-8 + 1e-2 * fabs(rock) * 0.003);
+    }
+  }
+}
+
 static void test_single_points(void) {
   double h = sqrt(0.5);
   gv_pose across = {turn(0, 1, 0, GV_PI / 4), {0.03 + 0.008 * h, 0, 0.04 + 0.008 * h}};
@@ -280,6 +303,7 @@ int main(void) {
   RUN(test_limb_along_a_face);
   RUN(test_limb_over_the_rim);
   RUN(test_limb_along_an_edge);
+  RUN(test_limb_on_two_edges);
   RUN(test_single_points);
   RUN(test_reduction);
   RUN(test_random_poses);
