@@ -26,7 +26,7 @@ OBJ      = $(1:%.c=$(B)/%.o)
 LIB     := $(B)/libgloved.a
 
 RUN_PACKAGES  := gcc libc6-dev libode-dev libccd-dev liblcm-dev liblcm-bin libconfig-dev zlib1g-dev
-TEST_PACKAGES := $(RUN_PACKAGES) clang python3-venv can-utils glmark2-data
+TEST_PACKAGES := $(RUN_PACKAGES) clang python3-venv can-utils glmark2-data valgrind
 CAN_PACKAGES  := can-utils user-mode-linux kmod iproute2
 
 .DEFAULT_GOAL := help
@@ -177,10 +177,14 @@ bench: bench-peers
 	$(Q)$(MAKE) --no-print-directory $(B)/test/bench_engine $(B)/test/bench_mujoco $(B)/test/bench_pairs
 	$(Q)build/venv-bench/bin/python test/bench.py $(B) $(BENCH)
 
+## instructions: what a step costs, for test_instructions to compare with (then say in the commit why it changed)
+instructions: $(B)/test/bench_engine
+	$(Q)B=$(B) python3 test/test_instructions.py --update
+
 ## bench-peers: install what the engine is measured against: MuJoCo, Bullet, coal
 bench-peers: build/venv-bench/.done
 build/venv-bench/.done: build/.test-packages
-	$(Q)tools/packages valgrind g++ libeigen3-dev
+	$(Q)tools/packages g++ libeigen3-dev
 	@echo "  VENV build/venv-bench"
 	$(Q)python3 -m venv build/venv-bench
 	$(Q)build/venv-bench/bin/pip install -q --disable-pip-version-check mujoco pybullet coal numpy matplotlib
@@ -266,5 +270,5 @@ clean:
 help:
 	@sed -n 's/^## //p' $(MAKEFILE_LIST)
 
-.PHONY: run test test-can all bench bench-peers bench-accuracy golden traces layers fuzz clean help
+.PHONY: run test test-can all bench bench-peers instructions bench-accuracy golden traces layers fuzz clean help
 -include $(shell find $(B) -name '*.d' 2>/dev/null)
