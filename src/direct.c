@@ -210,53 +210,34 @@ static gv_mat3 scaled_sum(double a, double b, gv_vec3 n) {
                     {b * n.z * n.x, b * n.z * n.y, a + b * n.z * n.z}}};
 }
 
-// H += sign A^T K B for a symmetric K, with A and B the 3 x 6 Jacobians of points at the ends of two arms, 1 | -[arm]x.
-static void add_stuck(gv_block *H, double sign, const gv_mat3 *K, gv_vec3 arm_of_row, gv_vec3 arm_of_column) {
+static gv_mat3 transposed(const gv_mat3 *K) {
+  return (gv_mat3){{{K->m[0][0], K->m[1][0], K->m[2][0]}, {K->m[0][1], K->m[1][1], K->m[2][1]}, {K->m[0][2], K->m[1][2], K->m[2][2]}}};
+}
+
+// R^T K R: from the axes of contact i to the world's.
+static gv_mat3 to_world(const gv_direct *s, int i, const gv_mat3 *K) {
+  const gv_vec3 *d = s->along[i];
+  const gv_mat3 R = {{{d[0].x, d[0].y, d[0].z}, {d[1].x, d[1].y, d[1].z}, {d[2].x, d[2].y, d[2].z}}};
+  gv_mat3 T = transposed(&R), KR = gv_mat3_times(K, &R);
+  return gv_mat3_times(&T, &KR);
+}
+
+static gv_vec3 row_of(const gv_mat3 *K, int r) { return gv_v3(K->m[r][0], K->m[r][1], K->m[r][2]); }
+
+// row += (k, arm x k).
+static void add_row(double row[6], gv_vec3 k, gv_vec3 arm) {
+  gv_vec3 turn = gv_cross(arm, k);
+  row[0] += k.x, row[1] += k.y, row[2] += k.z, row[3] += turn.x, row[4] += turn.y, row[5] += turn.z;
+}
+
+// H += sign A^T K B, with A and B the 3 x 6 Jacobians of points at the ends of two arms, 1 | -[arm]x. KT: K transposed.
+static void add_stiffness(gv_block *H, double sign, const gv_mat3 *K, const gv_mat3 *KT, gv_vec3 arm_of_row, gv_vec3 arm_of_column) {
+  const gv_vec3 c0 = gv_cross(arm_of_row, row_of(KT, 0)), c1 = gv_cross(arm_of_row, row_of(KT, 1)), c2 = gv_cross(arm_of_row, row_of(KT, 2));
+  const gv_vec3 turned[3] = {{c0.x, c1.x, c2.x}, {c0.y, c1.y, c2.y}, {c0.z, c1.z, c2.z}};
   for (int r = 0; r < 3; r++) {
-    gv_vec3 k = gv_scale(gv_v3(K->m[r][0], K->m[r][1], K->m[r][2]), sign), turn = gv_cross(arm_of_column, k);
-    double *row = H->m[r];
-    row[0] += k.x, row[1] += k.y, row[2] += k.z, row[3] += turn.x, row[4] += turn.y, row[5] += turn.z;
+    add_row(H->m[r], gv_scale(row_of(K, r), sign), arm_of_column);
+    add_row(H->m[3 + r], gv_scale(turned[r], sign), arm_of_column);
   }
-  const gv_vec3 x = gv_v3(K->m[0][0], K->m[0][1], K->m[0][2]), y = gv_v3(K->m[1][0], K->m[1][1], K->m[1][2]), z = gv_v3(K->m[2][0], K->m[2][1], K->m[2][2]);
-  const gv_vec3 c0 = gv_cross(arm_of_row, x), c1 = gv_cross(arm_of_row, y), c2 = gv_cross(arm_of_row, z);
-  const gv_vec3 rows[3] = {{c0.x, c1.x, c2.x}, {c0.y, c1.y, c2.y}, {c0.z, c1.z, c2.z}};
-  for (int r = 0; r < 3; r++) {
-    gv_vec3 k = gv_scale(rows[r], sign), turn = gv_cross(arm_of_column, k);
-    double *row = H->m[3 + r];
-    row[0] += k.x, row[1] += k.y, row[2] += k.z, row[3] += turn.x, row[4] += turn.y, row[5] += turn.z;
-  }
-}
-
-// H += J^T K, the same for rows of their own.
-static void add_product(gv_block *H, const gv_triple *J, gv_triple *K) {
-  for (int i = 0; i < 6; i++) {
-    const double f[3] = {-J->m[0][i], -J->m[1][i], -J->m[2][i]};
-    gv_six_subtract(H->m[i], f, 1, K->m, 3);
-  }
-}
-
-static gv_triple jacobian(const gv_direct *s, int i, gv_vec3 arm, double sign) {
-  gv_triple J;
-  for (int k = 0; k < 3; k++) {
-    gv_vec3 d = gv_scale(s->along[i][k], sign), turn = gv_cross(arm, d);
-    const double row[6] = {d.x, d.y, d.z, turn.x, turn.y, turn.z};
-    memcpy(J.m[k], row, sizeof row);
-  }
-  return J;
-}
-
-// In the world's axes: 1 | -[arm]x.
-static gv_triple point_jacobian(gv_vec3 arm) {
-  return (gv_triple){{{1, 0, 0, 0, arm.z, -arm.y}, {0, 1, 0, -arm.z, 0, arm.x}, {0, 0, 1, arm.y, -arm.x, 0}}};
-}
-
-static gv_triple times_triple(const gv_mat3 *W, gv_triple *J) {
-  gv_triple out = {{{0}}};
-  for (int r = 0; r < 3; r++) {
-    const double f[3] = {-W->m[r][0], -W->m[r][1], -W->m[r][2]};
-    gv_six_subtract(out.m[r], f, 1, J->m, 3);
-  }
-  return out;
 }
 
 // Impulses of contact i as they are now, on both bodies. Of a limb with one contact only those that stay: the others come as
@@ -295,15 +276,6 @@ static gv_mat3 stuck_stiffness(const gv_direct *s, int i) {
   return gv_mat3_inverse(&A);
 }
 
-// R^T K R: from the axes of contact i to the world's.
-static gv_mat3 to_world(const gv_direct *s, int i, const gv_mat3 *K) {
-  const gv_vec3 *d = s->along[i];
-  const gv_mat3 R = {{{d[0].x, d[0].y, d[0].z}, {d[1].x, d[1].y, d[1].z}, {d[2].x, d[2].y, d[2].z}}};
-  const gv_mat3 T = {{{d[0].x, d[1].x, d[2].x}, {d[0].y, d[1].y, d[2].y}, {d[0].z, d[1].z, d[2].z}}};
-  gv_mat3 KR = gv_mat3_times(K, &R);
-  return gv_mat3_times(&T, &KR);
-}
-
 // The same where some rows hold and others follow: B (1 / stiff + yielding B)^-1 in the rows that hold.
 static gv_mat3 sliding_stiffness(const gv_direct *s, int i) {
   const gv_mat3 B = follow(s, i), Y = yielding(s, i);
@@ -333,12 +305,8 @@ static void add_lone(gv_direct *s, int i) {
   s->lone_u[i] = gv_mad(u, -s->asked[3 * i], s->along[i][0]);
   if (b < 0) return;
   add_impulse(&s->dv[b], s->arm_b[i], gv_mat3_mul(&K, s->lone_u[i]));
-  if (is_stuck(s, i)) {
-    add_stuck(gv_blocks_at(&s->blocks, b, b), 1.0, &K, s->arm_b[i], s->arm_b[i]);
-    return;
-  }
-  gv_triple J = point_jacobian(s->arm_b[i]), KJ = times_triple(&K, &J);
-  add_product(gv_blocks_at(&s->blocks, b, b), &J, &KJ);
+  const gv_mat3 KT = transposed(&K);
+  add_stiffness(gv_blocks_at(&s->blocks, b, b), 1.0, &K, &KT, s->arm_b[i], s->arm_b[i]);
 }
 
 // Its velocities once those of the other body are known.
@@ -352,39 +320,27 @@ static void step_lone(gv_direct *s, int i) {
   for (int k = 0; k < 6; k++) s->dv[a].m[k] += by_contact.m[k];
 }
 
-static void add_stuck_contact(gv_direct *s, int i, bool symmetric) {
-  const int a = s->node_a[i], b = s->node_b[i];
-  const double stiff_t = s->stiff[3 * i + 1];
-  const gv_mat3 K = scaled_sum(stiff_t, s->stiff[3 * i] - stiff_t, s->along[i][0]);
-  if (a >= 0) add_stuck(gv_blocks_at(&s->blocks, a, a), 1.0, &K, s->arm_a[i], s->arm_a[i]);
-  if (b >= 0) add_stuck(gv_blocks_at(&s->blocks, b, b), 1.0, &K, s->arm_b[i], s->arm_b[i]);
-  if (a < 0 || b < 0) return;
-  bool a_first = gv_blocks_first(&s->blocks, a, b) == a;
-  gv_vec3 row = a_first ? s->arm_a[i] : s->arm_b[i], column = a_first ? s->arm_b[i] : s->arm_a[i];
-  add_stuck(gv_blocks_at(&s->blocks, a, b), -1.0, &K, row, column);
-  if (!symmetric) add_stuck(gv_blocks_mirror(&s->blocks, a, b), -1.0, &K, row, column);
-}
-
-static void add_sliding_contact(gv_direct *s, int i, bool symmetric) {
-  const int a = s->node_a[i], b = s->node_b[i];
-  gv_mat3 W = follow(s, i);
-  if (!memchr(&s->row[3 * i], GV_DIRECT_HOLDS, 3)) return;
+// The stiffness of contact i between bodies that are in the matrix, in the world's axes: B stiff.
+static gv_mat3 contact_stiffness(const gv_direct *s, int i) {
+  const double *stiff = &s->stiff[3 * i];
+  if (is_stuck(s, i)) return scaled_sum(stiff[1], stiff[0] - stiff[1], s->along[i][0]);
+  gv_mat3 B = follow(s, i);
   for (int r = 0; r < 3; r++)
-    for (int c = 0; c < 3; c++) W.m[r][c] *= s->stiff[3 * i + c];
-  gv_triple Ja = jacobian(s, i, s->arm_a[i], 1.0), Jb = jacobian(s, i, s->arm_b[i], -1.0);
-  gv_triple WJa = times_triple(&W, &Ja), WJb = times_triple(&W, &Jb);
-  if (a >= 0) add_product(gv_blocks_at(&s->blocks, a, a), &Ja, &WJa);
-  if (b >= 0) add_product(gv_blocks_at(&s->blocks, b, b), &Jb, &WJb);
-  if (a < 0 || b < 0) return;
-  bool a_first = gv_blocks_first(&s->blocks, a, b) == a;
-  add_product(gv_blocks_at(&s->blocks, a, b), a_first ? &Ja : &Jb, a_first ? &WJb : &WJa);
-  if (!symmetric) add_product(gv_blocks_mirror(&s->blocks, a, b), a_first ? &WJa : &WJb, a_first ? &Jb : &Ja);
+    for (int c = 0; c < 3; c++) B.m[r][c] *= stiff[c];
+  return to_world(s, i, &B);
 }
 
 static void add_contact(gv_direct *s, int i, bool symmetric) {
-  if (is_lone(s, i)) add_lone(s, i);
-  else if (is_stuck(s, i)) add_stuck_contact(s, i, symmetric);
-  else add_sliding_contact(s, i, symmetric);
+  const int a = s->node_a[i], b = s->node_b[i];
+  if (!memchr(&s->row[3 * i], GV_DIRECT_HOLDS, 3)) return;
+  const gv_mat3 K = contact_stiffness(s, i), KT = transposed(&K);
+  if (a >= 0) add_stiffness(gv_blocks_at(&s->blocks, a, a), 1.0, &K, &KT, s->arm_a[i], s->arm_a[i]);
+  if (b >= 0) add_stiffness(gv_blocks_at(&s->blocks, b, b), 1.0, &K, &KT, s->arm_b[i], s->arm_b[i]);
+  if (a < 0 || b < 0) return;
+  bool a_first = gv_blocks_first(&s->blocks, a, b) == a;
+  gv_vec3 row = a_first ? s->arm_a[i] : s->arm_b[i], column = a_first ? s->arm_b[i] : s->arm_a[i];
+  add_stiffness(gv_blocks_at(&s->blocks, a, b), -1.0, &K, &KT, row, column);
+  if (!symmetric) add_stiffness(gv_blocks_mirror(&s->blocks, a, b), -1.0, &KT, &K, row, column);
 }
 
 // Newton's step from v on the pieces that the rows are on.
@@ -393,7 +349,9 @@ static bool find_step(gv_direct *s) {
   gv_blocks_clear(&s->blocks, symmetric);
   add_masses(s);
   for (int i = 0; i < s->count; i++) add_impulses(s, i);
-  for (int i = 0; i < s->count; i++) add_contact(s, i, symmetric);
+  for (int i = 0; i < s->count; i++)
+    if (is_lone(s, i)) add_lone(s, i);
+    else add_contact(s, i, symmetric);
   if (!gv_blocks_solve(&s->blocks, symmetric, s->dv)) return false;
   for (int i = 0; i < s->count; i++)
     if (is_lone(s, i)) step_lone(s, i);

@@ -19,8 +19,6 @@ typedef struct gv_direct_body {
 typedef enum gv_direct_row { GV_DIRECT_OPEN, GV_DIRECT_HOLDS, GV_DIRECT_SLIDES_UP, GV_DIRECT_SLIDES_DOWN } gv_direct_row;
 typedef struct gv_direct_guess { int body_a, body_b; double normal_impulse; uint8_t row[3]; } gv_direct_guess;
 
-typedef struct gv_triple { double m[3][6]; } gv_triple;  // a Jacobian of one contact and one of its bodies
-
 typedef struct gv_direct {
   gv_direct_guess last[GV_MAX_CONTACTS];   // the last step's contacts: the first guess of the next
   int last_count;
