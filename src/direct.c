@@ -68,7 +68,7 @@ static bool make_nodes(gv_direct *s, int node[GV_BODIES], const gv_direct_body b
   return gv_blocks_order(&s->blocks);
 }
 
-// As the contact of the same bodies was in the last step; a new one holds.
+// As the contact of the same bodies was in the last step; a new one holds, unless it parts.
 static void take_guess(gv_direct *s, const gv_dynamics_contact *contact) {
   bool used[GV_MAX_CONTACTS] = {false};
   for (int i = 0; i < s->count; i++) {
@@ -473,6 +473,8 @@ static bool iterate(gv_direct *s, const gv_dynamics_contact *contact) {
   s->limits_right = true;
   take_guess(s, contact);
   find_velocities(s, s->v, s->u);
+  for (int i = 0; i < s->count; i++)
+    if (s->limit[3 * i + 1] == HUGE_VAL && s->u[3 * i] > s->asked[3 * i]) memset(&s->row[3 * i], GV_DIRECT_OPEN, 3);
   if (step_boldly(s, BOLD)) return true;
   if (!start_safely(s, contact)) return false;
   for (int round = 0; round < ROUNDS; round++) {
