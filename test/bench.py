@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Benchmark: per scene the time of collision, dynamics and the whole step, instructions per step, and the same hand
 and objects in MuJoCo and Bullet, alternating in blocks of half a second of simulation so that all feel the same machine.
-Then the growth with idle objects, and the
-narrow phase per pair beside coal. Writes data/bench/*.csv and data/bench/bench.png. Usage: bench.py BUILD [SCENE...]; `make bench` calls it."""
+Then the
+steps' tail without the machine's stalls, the growth with idle objects, and the narrow phase per pair beside coal. Writes data/bench/*.csv and data/bench/bench.png. Usage: bench.py BUILD [SCENE...]; `make bench` calls it."""
 import csv
 import glob
 import json
@@ -216,6 +216,20 @@ def bench_scene(build, row):
     return rows
 
 
+def bench_tail(build, scenes, runs=9):
+    """The machine's own stalls taken out: of each step the least time of several replays, which are the same step bit by bit."""
+    rows = [["scene", "median_us", "p99_us", "p999_us", "max_us", "p999_over_median"]]
+    for name, scene_path, url, obj, _ in scenes:
+        engine = Program(f"{build}/test/bench_engine", url, scene_path, obj, f"{WORK}/tail.drivers")
+        steps = json.loads(engine.line())["steps"]
+        least = np.min([engine.run(0, steps)[:, 0] for _ in range(runs)], axis=0)
+        engine.close()
+        at = np.percentile(least, [50, 99, 99.9, 100])
+        rows.append([name] + [f"{v:.2f}" for v in at] + [f"{at[2] / at[0]:.2f}"])
+        print("  ".join(f"{v:>16}" for v in rows[-1]), flush=True)
+    return rows
+
+
 def draw_steps(ax, rows):
     kinds = ("gloved whole", "mujoco", "bullet")
     names = list(dict.fromkeys(r[0] for r in rows))
@@ -238,8 +252,8 @@ def draw_growth(ax, pairs):
     ax.set_xscale("log")
     ax.set_xlabel("vertices of the hull that a limb touches")
     ax.set_ylabel("ns a pair")
-    ax.set_ylim(bottom=0)
-    ax.legend()
+    ax.set_ylim(0, 1.4 * max(float(r[c]) for r in hulls for c in (1, 2, 4, 5)))
+    ax.legend(loc="upper left", ncols=2)
 
 
 def draw_idle(ax, idle):
@@ -262,10 +276,13 @@ def main():
     os.makedirs(WORK, exist_ok=True)
     os.makedirs("data/bench", exist_ok=True)
     print("  ".join(f"{v:>10}" if i > 1 else f"{v:<16}" for i, v in enumerate(HEAD)))
-    rows = [r for row in list_scenes(names) for r in bench_scene(build, row)]
+    scenes = list_scenes(names)
+    rows = [r for row in scenes for r in bench_scene(build, row)]
+    tail = bench_tail(build, scenes)
     if names:
         return
     idle, pairs = bench_idle(build), bench_pairs(build)
+    save("tail", tail)
     save("steps", [HEAD] + rows)
     save("idle", idle)
     save("pairs", pairs)
