@@ -17,7 +17,7 @@ static bool take_block(gv_blocks *b, int i, int k) {
 
 void gv_blocks_begin(gv_blocks *b, int nodes) {
   b->nodes = nodes;
-  b->used = 0;
+  b->used = b->work = 0;
   b->full = false;
   memset(b->degree, 0, sizeof b->degree);
   for (int i = 0; i < nodes; i++) memset(b->at[i], 0, sizeof b->at[i][0] * (size_t)nodes);
@@ -39,6 +39,7 @@ static bool eliminate_node(gv_blocks *b, int i, bool *gone) {
   for (int k = 0; k < b->nodes; k++)
     if (!gone[k] && k != i && b->at[i][k]) later[count++] = (uint8_t)k;
   b->later_count[i] = count;
+  b->work += (count + 1) * (count + 2) / 2;
   gone[i] = true;
   for (int r = 0; r < count; r++) {
     b->degree[later[r]]--;

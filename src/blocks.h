@@ -17,6 +17,7 @@ typedef struct gv_six { double m[6]; } gv_six;  // of one body: linear, then ang
 
 typedef struct gv_blocks {
   int nodes, used;                       // blocks that are taken
+  int work;                              // block operations of a solution
   bool full;
   uint8_t order[GV_NODES];               // of elimination
   uint8_t place[GV_NODES];               // of a node in it

@@ -7,6 +7,7 @@
 #include "dynamics.h"
 
 enum { GV_DIRECT_ROWS = 3 * GV_MAX_CONTACTS };
+#define GV_SOLVER_SHARE 0.3  // of the period, for each solver that is tried
 
 // A body as the contacts find it, world frame; velocities after the step, first without contacts.
 typedef struct gv_direct_body {
@@ -24,7 +25,7 @@ typedef struct gv_direct {
   int last_count;
   bool limits_right;                       // friction was bounded by mu times the normal impulses of the same solution
   // work
-  int count;
+  int count, steps_left;
   int node_a[GV_MAX_CONTACTS], node_b[GV_MAX_CONTACTS]; // -1: does not move
   int nodes;                               // the first ones in `blocks`, then the limbs with one contact each
   uint8_t row[GV_DIRECT_ROWS];
@@ -36,6 +37,7 @@ typedef struct gv_direct {
   double limit[GV_DIRECT_ROWS], kept_limit[GV_DIRECT_ROWS]; // of friction, N s
   bool bold;                               // the limits move with the normal impulses
   double u[GV_DIRECT_ROWS], du[GV_DIRECT_ROWS]; // relative velocity, and its change in this iteration
+  double bend[2 * GV_DIRECT_ROWS];
   gv_six free[GV_NODES], v[GV_NODES], dv[GV_NODES], kept_v[GV_NODES];
   double mass[GV_NODES];
   gv_mat3 inertia[GV_NODES];
@@ -45,7 +47,7 @@ typedef struct gv_direct {
 } gv_direct;
 
 // Force on body a of each contact, newtons, and the velocities of the bodies under them. False where the iteration
-// did not end (then nothing is written). At most 40 iterations.
+// did not end within GV_SOLVER_SHARE of the period (then nothing is written).
 bool gv_direct_solve(gv_direct *direct, const gv_config *cfg, gv_direct_body io_body[GV_BODIES],
                      const gv_dynamics_contact *contact, int count, gv_vec3 force_on_a[]);
 

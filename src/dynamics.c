@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// Rigid-body dynamics over ODE: time stepping with contact and friction as a linear complementarity problem
-// (Eqn 11 to 18), Dantzig's solver for few contacts and QuickStep above. ODE's memory comes from the arena:
-// its allocator is set to a pool, its step memory to one block. Real-time thread.
+// Rigid-body dynamics: time stepping with contact and friction as a linear complementarity problem (Eqn 11 to 18). The
+// direct solver (direct.c) does what it suits; the rest goes to ODE, whose bodies are kept in step: Dantzig's solver
+// for few contacts and QuickStep above. ODE's memory comes from the arena: its allocator is set to a pool, its step
+// memory to one block. Real-time thread.
 //
 // ODE aborts the process on a not-a-number: nothing that is not finite passes gv_dynamics_add_force, _set_state
 // or a contact; the engine checks states after each step. It aborts on a pivot of zero as well, which Dantzig's
@@ -371,7 +372,7 @@ static int largest_island(const gv_dynamics *dyn, const gv_dynamics_contact *con
 // runs into a pivot of nearly zero now and then, `LCP internal error`). Costs as measured by `make bench`.
 static bool choose_solver(gv_dynamics *dyn, const gv_dynamics_contact *contact, int count, bool knotted) {
   const gv_config *cfg = dyn->cfg;
-  const double share_ns = 0.4e9 * cfg->step_s;
+  const double share_ns = 1e9 * GV_SOLVER_SHARE * cfg->step_s;
   int island = largest_island(dyn, contact, count), most = cfg->solver == GV_SOLVER_DANTZIG ? DANTZIG_MOST : cfg->dantzig_contacts;
   double rows = 3.0 * island, dantzig_ns = 0.5 * rows * rows * rows;
   bool fits = island <= most && (cfg->solver == GV_SOLVER_DANTZIG || dantzig_ns <= share_ns);
