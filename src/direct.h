@@ -7,7 +7,6 @@
 #include "dynamics.h"
 
 enum { GV_DIRECT_ROWS = 3 * GV_MAX_CONTACTS };
-#define GV_SOLVER_SHARE 0.3  // of the period, for each solver that is tried
 
 // A body as the contacts find it, world frame; velocities after the step, first without contacts.
 typedef struct gv_direct_body {
@@ -47,7 +46,7 @@ typedef struct gv_direct {
 } gv_direct;
 
 // Force on body a of each contact, newtons, and the velocities of the bodies under them. False where the iteration
-// did not end within GV_SOLVER_SHARE of the period (then nothing is written).
+// did not end within half of the period (then nothing is written).
 bool gv_direct_solve(gv_direct *direct, const gv_config *cfg, gv_direct_body io_body[GV_BODIES],
                      const gv_dynamics_contact *contact, int count, gv_vec3 force_on_a[]);
 

@@ -372,7 +372,7 @@ static int largest_island(const gv_dynamics *dyn, const gv_dynamics_contact *con
 // runs into a pivot of nearly zero now and then, `LCP internal error`). Costs as measured by `make bench`.
 static bool choose_solver(gv_dynamics *dyn, const gv_dynamics_contact *contact, int count, bool knotted) {
   const gv_config *cfg = dyn->cfg;
-  const double share_ns = 1e9 * GV_SOLVER_SHARE * cfg->step_s;
+  const double share_ns = 0.4e9 * cfg->step_s;
   int island = largest_island(dyn, contact, count), most = cfg->solver == GV_SOLVER_DANTZIG ? DANTZIG_MOST : cfg->dantzig_contacts;
   double rows = 3.0 * island, dantzig_ns = 0.5 * rows * rows * rows;
   bool fits = island <= most && (cfg->solver == GV_SOLVER_DANTZIG || dantzig_ns <= share_ns);
