@@ -26,7 +26,6 @@ static double body_margin(const gv_engine *e, const gv_limb_state *s, double rea
   return 0.5 * e->cfg.contact_margin_m + (travel < 0.02 ? travel : 0.02);
 }
 
-static gv_vec3 column(const gv_mat3 *R, int k) { return gv_v3(R->m[0][k], R->m[1][k], R->m[2][k]); }
 static gv_vec3 absolute(gv_vec3 a) { return gv_v3(fabs(a.x), fabs(a.y), fabs(a.z)); }
 
 // The box around center +- reach, grown by `by`.
@@ -38,9 +37,9 @@ static gv_aabb make_box(gv_vec3 center, gv_vec3 reach, double by) {
 // The box around a box that is turned by R and moved by p.
 static gv_aabb turned_box(const gv_mat3 *R, gv_vec3 p, const gv_aabb *box, double by) {
   gv_vec3 center = gv_scale(gv_add(box->min, box->max), 0.5), half = gv_scale(gv_sub(box->max, box->min), 0.5), reach = gv_v3(0, 0, 0);
-  reach = gv_mad(reach, half.x, absolute(column(R, 0)));
-  reach = gv_mad(reach, half.y, absolute(column(R, 1)));
-  reach = gv_mad(reach, half.z, absolute(column(R, 2)));
+  reach = gv_mad(reach, half.x, absolute(gv_mat3_column(R, 0)));
+  reach = gv_mad(reach, half.y, absolute(gv_mat3_column(R, 1)));
+  reach = gv_mad(reach, half.z, absolute(gv_mat3_column(R, 2)));
   return make_box(gv_add(p, gv_mat3_mul(R, center)), reach, by);
 }
 
@@ -59,8 +58,8 @@ static void bound_limb(gv_engine *e, int i) {
   gv_vec3 reach = absolute(axis[0]);
   if (i == GV_LIMB_PALM) {
     const gv_mat3 R = gv_mat3_from_quat(s->T.q);
-    axis[1] = gv_scale(column(&R, 1), shape->half.y);
-    axis[2] = gv_scale(column(&R, 2), shape->half.z);
+    axis[1] = gv_scale(gv_mat3_column(&R, 1), shape->half.y);
+    axis[2] = gv_scale(gv_mat3_column(&R, 2), shape->half.z);
     reach = gv_add(reach, gv_add(absolute(axis[1]), absolute(axis[2])));
   }
   e->limb_box[i] = make_box(s->T.p, reach, shape->radius + e->margin[i]);

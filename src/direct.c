@@ -73,13 +73,13 @@ static void take_guess(gv_direct *s, const gv_dynamics_contact *contact) {
   bool used[GV_MAX_CONTACTS] = {false};
   for (int i = 0; i < s->count; i++) {
     memset(&s->row[3 * i], GV_DIRECT_HOLDS, 3);
-    for (int k = 1; k < 3; k++) s->limit[3 * i + k] = HUGE_VAL;
+    s->limit[i] = HUGE_VAL;
     for (int k = 0; k < s->last_count; k++) {
       const gv_direct_guess *g = &s->last[k];
       if (used[k] || g->body_a != contact[i].body_a || g->body_b != contact[i].body_b) continue;
       used[k] = true;
       memcpy(&s->row[3 * i], g->row, 3);
-      s->limit[3 * i + 1] = s->limit[3 * i + 2] = contact[i].mu * g->normal_impulse;
+      s->limit[i] = contact[i].mu * g->normal_impulse;
       break;
     }
   }
@@ -90,8 +90,8 @@ static void take_guess(gv_direct *s, const gv_dynamics_contact *contact) {
 static double impulse_on(const gv_direct *s, int r, uint8_t piece, double u) {
   switch (piece) {
     case GV_DIRECT_HOLDS: return (s->asked[r] - u) * s->stiff[r];
-    case GV_DIRECT_SLIDES_UP: return s->limit[r];
-    case GV_DIRECT_SLIDES_DOWN: return -s->limit[r];
+    case GV_DIRECT_SLIDES_UP: return s->limit[r / 3];
+    case GV_DIRECT_SLIDES_DOWN: return -s->limit[r / 3];
     default: return 0.0;
   }
 }
@@ -99,8 +99,9 @@ static double impulse_on(const gv_direct *s, int r, uint8_t piece, double u) {
 static uint8_t piece_at(const gv_direct *s, int r, double u) {
   double x = (s->asked[r] - u) * s->stiff[r];
   if (r % 3 == 0) return x > 0.0 ? GV_DIRECT_HOLDS : GV_DIRECT_OPEN;
-  if (!(s->limit[r] > 0.0)) return GV_DIRECT_OPEN;
-  return x > s->limit[r] ? GV_DIRECT_SLIDES_UP : x < -s->limit[r] ? GV_DIRECT_SLIDES_DOWN : GV_DIRECT_HOLDS;
+  const double limit = s->limit[r / 3];
+  if (!(limit > 0.0)) return GV_DIRECT_OPEN;
+  return x > limit ? GV_DIRECT_SLIDES_UP : x < -limit ? GV_DIRECT_SLIDES_DOWN : GV_DIRECT_HOLDS;
 }
 
 static gv_vec3 point_velocity(const gv_six *v, gv_vec3 arm) {
@@ -135,9 +136,7 @@ static gv_vec3 in_world(const gv_direct *s, int i, gv_vec3 x) {
   return gv_mad(gv_mad(gv_scale(along[0], x.x), x.y, along[1]), x.z, along[2]);
 }
 
-static void set_limit(gv_direct *s, int i) {
-  s->limit[3 * i + 1] = s->limit[3 * i + 2] = s->mu[i] * impulse_on(s, 3 * i, s->row[3 * i], s->u[3 * i]);
-}
+static double limit_now(const gv_direct *s, int i) { return s->mu[i] * impulse_on(s, 3 * i, s->row[3 * i], s->u[3 * i]); }
 
 // A row to the piece that its velocity is on; true where it was there already. What slid one way and now would the
 // other way is tried holding when bold.
@@ -152,7 +151,7 @@ static bool set_pieces(gv_direct *s) {
   bool right = true;
   for (int i = 0; i < s->count; i++) {
     right = set_piece(s, 3 * i) && right;
-    if (s->bold) set_limit(s, i);
+    if (s->bold) s->limit[i] = limit_now(s, i);
     for (int k = 1; k < 3; k++) right = set_piece(s, 3 * i + k) && right;
   }
   return right;
@@ -210,15 +209,11 @@ static gv_mat3 scaled_sum(double a, double b, gv_vec3 n) {
                     {b * n.z * n.x, b * n.z * n.y, a + b * n.z * n.z}}};
 }
 
-static gv_mat3 transposed(const gv_mat3 *K) {
-  return (gv_mat3){{{K->m[0][0], K->m[1][0], K->m[2][0]}, {K->m[0][1], K->m[1][1], K->m[2][1]}, {K->m[0][2], K->m[1][2], K->m[2][2]}}};
-}
-
 // R^T K R: from the axes of contact i to the world's.
 static gv_mat3 to_world(const gv_direct *s, int i, const gv_mat3 *K) {
   const gv_vec3 *d = s->along[i];
   const gv_mat3 R = {{{d[0].x, d[0].y, d[0].z}, {d[1].x, d[1].y, d[1].z}, {d[2].x, d[2].y, d[2].z}}};
-  gv_mat3 T = transposed(&R), KR = gv_mat3_times(K, &R);
+  gv_mat3 T = gv_mat3_transposed(&R), KR = gv_mat3_times(K, &R);
   return gv_mat3_times(&T, &KR);
 }
 
@@ -305,7 +300,7 @@ static void add_lone(gv_direct *s, int i) {
   s->lone_u[i] = gv_mad(u, -s->asked[3 * i], s->along[i][0]);
   if (b < 0) return;
   add_impulse(&s->dv[b], s->arm_b[i], gv_mat3_mul(&K, s->lone_u[i]));
-  const gv_mat3 KT = transposed(&K);
+  const gv_mat3 KT = gv_mat3_transposed(&K);
   add_stiffness(gv_blocks_at(&s->blocks, b, b), 1.0, &K, &KT, s->arm_b[i], s->arm_b[i]);
 }
 
@@ -333,7 +328,7 @@ static gv_mat3 contact_stiffness(const gv_direct *s, int i) {
 static void add_contact(gv_direct *s, int i, bool symmetric) {
   const int a = s->node_a[i], b = s->node_b[i];
   if (!memchr(&s->row[3 * i], GV_DIRECT_HOLDS, 3)) return;
-  const gv_mat3 K = contact_stiffness(s, i), KT = transposed(&K);
+  const gv_mat3 K = contact_stiffness(s, i), KT = gv_mat3_transposed(&K);
   if (a >= 0) add_stiffness(gv_blocks_at(&s->blocks, a, a), 1.0, &K, &KT, s->arm_a[i], s->arm_a[i]);
   if (b >= 0) add_stiffness(gv_blocks_at(&s->blocks, b, b), 1.0, &K, &KT, s->arm_b[i], s->arm_b[i]);
   if (a < 0 || b < 0) return;
@@ -388,7 +383,7 @@ static double slope_at(const gv_direct *s, double at_v, double growth, double t)
 static int find_bends(gv_direct *s, double low, double high) {
   int count = 0;
   for (int r = 0; r < 3 * s->count; r++) {
-    const double at = 1.0 / s->du[r], middle = (s->asked[r] - s->u[r]) * at, zone = r % 3 == 0 ? 0.0 : s->limit[r] / s->stiff[r] * at;
+    const double at = 1.0 / s->du[r], middle = (s->asked[r] - s->u[r]) * at, zone = r % 3 == 0 ? 0.0 : s->limit[r / 3] / s->stiff[r] * at;
     if (middle - zone > low && middle - zone < high) s->bend[count++] = middle - zone;
     if (zone != 0.0 && middle + zone > low && middle + zone < high) s->bend[count++] = middle + zone;
   }
@@ -437,7 +432,7 @@ static void take_step(gv_direct *s, double t) {
 // Full steps from the pieces that the rows are on, at most so many.
 static bool step_boldly(gv_direct *s, int most) {
   s->bold = true;
-  for (int i = 0; i < s->count; i++) set_limit(s, i);
+  for (int i = 0; i < s->count; i++) s->limit[i] = limit_now(s, i);
   for (int i = 0; i < most; i++) {
     if (!find_step(s)) return false;
     take_step(s, 1.0);
@@ -467,28 +462,25 @@ static bool start_safely(gv_direct *s, const gv_dynamics_contact *contact) {
   if (!find_step(s)) return false;
   take_step(s, 1.0);
   for (int i = 0; i < s->count; i++) {
-    if (s->limit[3 * i + 1] < HUGE_VAL) continue;
+    if (s->limit[i] < HUGE_VAL) continue;
     s->row[3 * i] = piece_at(s, 3 * i, s->u[3 * i]);
-    set_limit(s, i);
+    s->limit[i] = limit_now(s, i);
   }
   return true;
 }
 
 // Halfway from the limits that were given to those that came out.
 static void mix_limits(gv_direct *s) {
-  for (int i = 0; i < s->count; i++) {
-    double limit = s->mu[i] * impulse_on(s, 3 * i, s->row[3 * i], s->u[3 * i]);
-    for (int r = 3 * i + 1; r < 3 * i + 3; r++) s->limit[r] = 0.5 * (s->limit[r] + limit);
-  }
+  for (int i = 0; i < s->count; i++) s->limit[i] = 0.5 * (s->limit[i] + limit_now(s, i));
 }
 
 static bool iterate(gv_direct *s, const gv_dynamics_contact *contact) {
-  const size_t of_v = sizeof s->v[0] * (size_t)s->nodes, of_limit = 3 * sizeof s->limit[0] * (size_t)s->count;
+  const size_t of_v = sizeof s->v[0] * (size_t)s->nodes, of_limit = sizeof s->limit[0] * (size_t)s->count;
   s->limits_right = true;
   take_guess(s, contact);
   find_velocities(s, s->v, s->u);
   for (int i = 0; i < s->count; i++)
-    if (s->limit[3 * i + 1] == HUGE_VAL && s->u[3 * i] > s->asked[3 * i]) memset(&s->row[3 * i], GV_DIRECT_OPEN, 3);
+    if (s->limit[i] == HUGE_VAL && s->u[3 * i] > s->asked[3 * i]) memset(&s->row[3 * i], GV_DIRECT_OPEN, 3);
   if (step_boldly(s, BOLD)) return true;
   if (!start_safely(s, contact)) return false;
   for (int round = 0; round < ROUNDS; round++) {

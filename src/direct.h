@@ -33,7 +33,7 @@ typedef struct gv_direct {
   double asked[GV_DIRECT_ROWS];            // velocity, m/s
   double stiff[GV_DIRECT_ROWS];            // N s for a velocity of 1 m/s
   double mu[GV_MAX_CONTACTS];
-  double limit[GV_DIRECT_ROWS], kept_limit[GV_DIRECT_ROWS]; // of friction, N s
+  double limit[GV_MAX_CONTACTS], kept_limit[GV_MAX_CONTACTS]; // of friction, N s
   bool bold;                               // the limits move with the normal impulses
   double u[GV_DIRECT_ROWS], du[GV_DIRECT_ROWS]; // relative velocity, and its change in this iteration
   double bend[2 * GV_DIRECT_ROWS];

@@ -5,11 +5,6 @@
 
 #include <string.h>
 
-// The flexion joints of each finger, from its root to its tip.
-static const int flexion[GV_FINGERS][3] = {
-  {GV_THUMB_ROTATE, GV_THUMB_MPJ, GV_THUMB_IJ}, {GV_INDEX_MPJ, GV_INDEX_PIJ, GV_INDEX_DIJ},
-  {GV_MIDDLE_MPJ, GV_MIDDLE_PIJ, GV_MIDDLE_DIJ}, {GV_RING_MPJ, GV_RING_PIJ, GV_RING_DIJ},
-  {GV_LITTLE_MPJ, GV_LITTLE_PIJ, GV_LITTLE_DIJ}};
 // The exoskeleton lifts the fingertip, square to its pad: the arms are about the distances from the tip to
 // the joints of a half-bent finger, so that a tension of 1 N is felt as about 1 N at the tip.
 static const double arm_m[GV_FINGERS][3] = {
@@ -18,7 +13,7 @@ static const double arm_m[GV_FINGERS][3] = {
 int gv_tendon_joints(int finger, int out_sensor[3], double out_arm_m[3]) {
   if (finger < 0 || finger >= GV_FINGERS) return 0;
   for (int j = 0; j < 3; j++) {
-    out_sensor[j] = flexion[finger][j];
+    out_sensor[j] = gv_flexion[finger][j];
     out_arm_m[j] = arm_m[finger][j];
   }
   return 3;
@@ -30,7 +25,7 @@ void gv_tendon_map(const gv_joint_axis joint[GV_SENSORS], const gv_pose T_world_
     gv_vec3 f = gv_v3(0, 0, 0), t = f, at = f;  // all that acts on the limbs from a joint on, torque about the joint
     double work = 0.0, arms = 0.0;
     for (int j = 2; j >= 0; j--) {
-      const gv_joint_axis *a = &joint[flexion[finger][j]];
+      const gv_joint_axis *a = &joint[gv_flexion[finger][j]];
       const int limb = 3 * finger + j;
       const double arm = arm_m[finger][j];
       if (j < 2) t = gv_add(t, gv_cross(gv_sub(at, a->p_world), f));

@@ -81,6 +81,11 @@ static double half_length(const gv_hand_model *model, int finger, int segment) {
 
 double gv_hand_half_length(const gv_hand_model *model, int limb) { return half_length(model, limb / 3, limb % 3); }
 
+const int gv_flexion[GV_FINGERS][3] = {
+  {GV_THUMB_ROTATE, GV_THUMB_MPJ, GV_THUMB_IJ}, {GV_INDEX_MPJ, GV_INDEX_PIJ, GV_INDEX_DIJ},
+  {GV_MIDDLE_MPJ, GV_MIDDLE_PIJ, GV_MIDDLE_DIJ}, {GV_RING_MPJ, GV_RING_PIJ, GV_RING_DIJ},
+  {GV_LITTLE_MPJ, GV_LITTLE_PIJ, GV_LITTLE_DIJ}};
+
 // Cosine and sine of half an angle: what a quaternion needs of a turn.
 typedef struct turn { double c, s; } turn;
 typedef struct turns { double c[GV_SENSORS], s[GV_SENSORS]; } turns;
@@ -150,20 +155,14 @@ static void put_joint(const chain *c, int sensor, gv_vec3 p, gv_vec3 axis, uint3
   if (c->joint) c->joint[sensor] = (gv_joint_axis){p, axis, limbs};
 }
 
-static gv_vec3 column(const gv_mat3 *R, int k) { return gv_v3(R->m[0][k], R->m[1][k], R->m[2][k]); }
-
 // A finger bends about the y of its root alone, so it lies in the plane of the root's x and z, and its bones' turns add up.
 static void put_finger(const gv_hand_model *m, int finger, const gv_pose *root, const gv_mat3 *R, const turns *half, const chain *c) {
-  static const int flexion[GV_FINGERS][3] = {
-    {GV_THUMB_ROTATE, GV_THUMB_MPJ, GV_THUMB_IJ}, {GV_INDEX_MPJ, GV_INDEX_PIJ, GV_INDEX_DIJ},
-    {GV_MIDDLE_MPJ, GV_MIDDLE_PIJ, GV_MIDDLE_DIJ}, {GV_RING_MPJ, GV_RING_PIJ, GV_RING_DIJ},
-    {GV_LITTLE_MPJ, GV_LITTLE_PIJ, GV_LITTLE_DIJ}};
-  const gv_vec3 x = column(R, 0), y = column(R, 1), z = column(R, 2);
+  const gv_vec3 x = gv_mat3_column(R, 0), y = gv_mat3_column(R, 1), z = gv_mat3_column(R, 2);
   gv_vec3 p = root->p;
   turn bent = {1, 0};
   for (int s = 0; s < 3; s++) {
-    put_joint(c, flexion[finger][s], p, y, (7u << s & 7u) << (3 * finger));
-    bent = add_turns(bent, turn_of(half, flexion[finger][s]));
+    put_joint(c, gv_flexion[finger][s], p, y, (7u << s & 7u) << (3 * finger));
+    bent = add_turns(bent, turn_of(half, gv_flexion[finger][s]));
     turn whole = add_turns(bent, bent);
     gv_vec3 along = gv_mad(gv_scale(x, whole.c), -whole.s, z);
     if (c->limb) c->limb[3 * finger + s] = (gv_pose){turned_y(root->q, bent), gv_mad(p, half_length(m, finger, s), along)};
@@ -181,7 +180,7 @@ static void put_fingers(const gv_hand_model *m, gv_pose T, const gv_mat3 *R_hand
     if (left) root[f] = mirror_pose(root[f]);
     root[f] = (gv_pose){gv_quat_mul(T.q, root[f].q), gv_add(T.p, gv_mat3_mul(R_hand, root[f].p))};
     gv_mat3 R = gv_mat3_from_quat(root[f].q);
-    gv_vec3 up = column(&R, 2);  // ring and little spread the other way; so does a left hand
+    gv_vec3 up = gv_mat3_column(&R, 2);  // ring and little spread the other way; so does a left hand
     if (abduction[f] >= 0) put_joint(c, abduction[f], root[f].p, (f > 2) != left ? gv_neg(up) : up, 7u << (3 * f));
     put_finger(m, f, &root[f], &R, half, c);
   }
@@ -195,7 +194,7 @@ void gv_hand_pose(const gv_hand_model *model, const gv_pose *T_world_wrist, cons
   halve_turns(angle_rad, &half);
   const gv_pose T = hand_frame(T_world_wrist, &half, left);
   const gv_mat3 R = gv_mat3_from_quat(T.q);
-  const gv_vec3 x = column(&R, 0), z = column(&R, 2), palm = left ? mirror(model->palm_center_m) : model->palm_center_m;
+  const gv_vec3 x = gv_mat3_column(&R, 0), z = gv_mat3_column(&R, 2), palm = left ? mirror(model->palm_center_m) : model->palm_center_m;
   put_fingers(model, T, &R, &half, &c);
   put_joint(&c, GV_PALM_ARCH, T.p, left ? gv_neg(x) : x, 63u << 9);
   put_joint(&c, GV_WRIST_PITCH, T.p, gv_rotate(T_world_wrist->q, gv_v3(0, 1, 0)), 0xffffu);

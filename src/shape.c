@@ -19,17 +19,15 @@ int gv_hull_support(const gv_hull *hull, gv_vec3 d, int start) {
   return here;
 }
 
-static gv_vec3 column(const gv_mat3 *R, int k) { return gv_v3(R->m[0][k], R->m[1][k], R->m[2][k]); }
-
 void gv_core_place(const gv_shape *shape, gv_pose T_b_shape, gv_core *out) {
   out->kind = shape->kind;
   out->center = T_b_shape.p;
   out->hull = shape->hull;
   out->in_place = false;
   out->R = gv_mat3_from_quat(T_b_shape.q);
-  out->axis[0] = gv_scale(column(&out->R, 0), shape->half.x);
-  out->axis[1] = gv_scale(column(&out->R, 1), shape->half.y);
-  out->axis[2] = gv_scale(column(&out->R, 2), shape->half.z);
+  out->axis[0] = gv_scale(gv_mat3_column(&out->R, 0), shape->half.x);
+  out->axis[1] = gv_scale(gv_mat3_column(&out->R, 1), shape->half.y);
+  out->axis[2] = gv_scale(gv_mat3_column(&out->R, 2), shape->half.z);
 }
 
 void gv_core_in_place(const gv_shape *shape, gv_core *out) {
@@ -61,19 +59,4 @@ gv_vec3 gv_support(const gv_shape *shape, const gv_pose *T_world_shape, gv_vec3 
   gv_core_place(shape, *T_world_shape, &core);
   gv_vec3 p = gv_core_support(&core, d_world, hint ? hint : &own_hint);
   return gv_mad(p, shape->radius, gv_normalize_or(d_world, gv_v3(0, 0, 1)));
-}
-
-void gv_shape_aabb(const gv_shape *shape, const gv_pose *T_world_shape, gv_vec3 *out_min, gv_vec3 *out_max) {
-  gv_mat3 R = gv_mat3_from_quat(T_world_shape->q);
-  gv_vec3 center = T_world_shape->p, half = shape->half;
-  if (shape->kind == GV_CORE_HULL) {  // the box around the hull in its own frame, turned
-    center = gv_add(center, gv_mat3_mul(&R, gv_scale(gv_add(shape->hull->aabb_min, shape->hull->aabb_max), 0.5)));
-    half = gv_scale(gv_sub(shape->hull->aabb_max, shape->hull->aabb_min), 0.5);
-  }
-  gv_vec3 reach;
-  reach.x = fabs(R.m[0][0]) * half.x + fabs(R.m[0][1]) * half.y + fabs(R.m[0][2]) * half.z + shape->radius;
-  reach.y = fabs(R.m[1][0]) * half.x + fabs(R.m[1][1]) * half.y + fabs(R.m[1][2]) * half.z + shape->radius;
-  reach.z = fabs(R.m[2][0]) * half.x + fabs(R.m[2][1]) * half.y + fabs(R.m[2][2]) * half.z + shape->radius;
-  *out_min = gv_sub(center, reach);
-  *out_max = gv_add(center, reach);
 }

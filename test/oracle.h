@@ -127,17 +127,7 @@ static inline oracle oracle_apart_within(body *a, body *b, gv_vec3 d, double at_
 
 typedef struct hunt { body *a, *b; double reach; oracle found; } hunt;  // reach: a larger h is of no interest
 
-static inline void hunt_try(hunt *t, gv_vec3 n) {
-  double h = highest(t->b, n) - lowest(t->a, n);
-  oracle *o = &t->found;
-  if (gv_dot(n, o->normal) > 0.99999) {  // the same direction, about
-    if (h < -o->distance) o->distance = -h, o->normal = n;
-  } else if (h < -o->distance) {
-    o->second = -o->distance, o->distance = -h, o->normal = n;
-  } else {
-    o->second = fmin(o->second, h);
-  }
-}
+static inline void hunt_try(hunt *t, gv_vec3 n) { oracle_keep(&t->found, n, highest(t->b, n) - lowest(t->a, n)); }
 
 // Of `mine`; sign: the direction of the hunt is sign times the face's normal.
 static inline void hunt_faces(hunt *t, body *mine, const body *other, double sign) {

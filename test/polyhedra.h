@@ -90,8 +90,8 @@ static inline double overlap_along(const solid *a, const solid *b, gv_vec3 n) {
   return high - low;
 }
 
-static inline void oracle_try(oracle *o, const solid *a, const solid *b, gv_vec3 n) {
-  double h = overlap_along(a, b, n);
+// Keeps h along n where it is the least so far, and the least of the other directions.
+static inline void oracle_keep(oracle *o, gv_vec3 n, double h) {
   if (gv_dot(n, o->normal) > 0.99999) {  // the same direction, about
     if (h < -o->distance) o->distance = -h, o->normal = n;
   } else if (h < -o->distance) {
@@ -100,6 +100,8 @@ static inline void oracle_try(oracle *o, const solid *a, const solid *b, gv_vec3
     o->second = fmin(o->second, h);
   }
 }
+
+static inline void oracle_try(oracle *o, const solid *a, const solid *b, gv_vec3 n) { oracle_keep(o, n, overlap_along(a, b, n)); }
 
 // Largest separation over all directions that can bound the obstacle: minus the depth where they overlap.
 static inline oracle oracle_overlap(const solid *a, const solid *b) {

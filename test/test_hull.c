@@ -246,24 +246,6 @@ static void test_support_against_scan(void) {
   }
 }
 
-static void test_bounds(void) {
-  gv_hull h;
-  for (int i = 0; i < 60; i++) points[i] = gv_scale(draw_unit(), 0.05);
-  CHECK(build(60, &h) == 0, "builds");
-  const gv_shape shape[3] = {gv_shape_capsule(0.02, 0.008), gv_shape_rounded_box(gv_v3(0.04, 0.03, 0.01), 0.005), gv_shape_hull(&h)};
-  for (int k = 0; k < 300; k++) {
-    gv_pose T = {draw_rotation(), draw_vector(1)};
-    gv_vec3 low, high;
-    gv_shape_aabb(&shape[k % 3], &T, &low, &high);
-    for (int axis = 0; axis < 3; axis++) {
-      gv_vec3 d = gv_v3(axis == 0, axis == 1, axis == 2);
-      double top = gv_dot(gv_support(&shape[k % 3], &T, d, NULL), d), bottom = gv_dot(gv_support(&shape[k % 3], &T, gv_neg(d), NULL), d);
-      CHECK(gv_dot(high, d) >= top - 1e-15 && gv_dot(low, d) <= bottom + 1e-15, "bounds hold the shape");
-      if (k % 3 < 2) CHECK(gv_dot(high, d) <= top + 1e-15 && gv_dot(low, d) >= bottom - 1e-15, "and are tight");
-    }
-  }
-}
-
 int main(void) {
   RUN(test_box_has_six_quads);
   RUN(test_lattice_is_a_box);
@@ -276,6 +258,5 @@ int main(void) {
   RUN(test_mass_of_a_tetrahedron);
   RUN(test_sum_of_parts);
   RUN(test_support_against_scan);
-  RUN(test_bounds);
   return check_done();
 }

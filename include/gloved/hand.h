@@ -79,6 +79,9 @@ void gv_hand_frames(const gv_hand_model *model, const gv_pose *T_world_wrist, co
 // Half length of a limb's core segment (along its x), metres; limb < 15.
 double gv_hand_half_length(const gv_hand_model *model, int limb);
 
+// The sensors of the three flexion joints of each finger, from its root to its tip.
+extern const int gv_flexion[GV_FINGERS][3];
+
 // Geometric Jacobian columns: world position and unit axis of the joint that `sensor` turns, and
 // which limbs it moves (bit per limb). Used to map limb wrenches to joint torques:
 // tau = axis . (sum over moved limbs of t + (p_limb - p_joint) x f).

@@ -98,6 +98,10 @@ static inline gv_vec3 gv_mat3_mul_t(const gv_mat3 *R, gv_vec3 v) {  // R^T v
                R->m[0][1] * v.x + R->m[1][1] * v.y + R->m[2][1] * v.z,
                R->m[0][2] * v.x + R->m[1][2] * v.y + R->m[2][2] * v.z);
 }
+static inline gv_vec3 gv_mat3_column(const gv_mat3 *K, int k) { return gv_v3(K->m[0][k], K->m[1][k], K->m[2][k]); }
+static inline gv_mat3 gv_mat3_transposed(const gv_mat3 *K) {
+  return (gv_mat3){{{K->m[0][0], K->m[1][0], K->m[2][0]}, {K->m[0][1], K->m[1][1], K->m[2][1]}, {K->m[0][2], K->m[1][2], K->m[2][2]}}};
+}
 static inline gv_mat3 gv_mat3_times(const gv_mat3 *A, const gv_mat3 *B) {
   gv_mat3 out;
   for (int r = 0; r < 3; r++)

@@ -67,7 +67,4 @@ gv_mass_properties gv_hull_mass_properties(const gv_hull *hull);
 // Sum of several parts at the same density (parallel axes).
 gv_mass_properties gv_mass_properties_sum(const gv_mass_properties *parts, int count);
 
-// Axis-aligned bounds in the world of a shape at T_world_shape, radius included. Cost: about 30 ns.
-void gv_shape_aabb(const gv_shape *shape, const gv_pose *T_world_shape, gv_vec3 *out_min, gv_vec3 *out_max);
-
 #endif
