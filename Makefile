@@ -11,15 +11,15 @@ B       ?= build/$(notdir $(firstword $(CC)))$(subst $(space),,$(OPT))
 WARN    := -std=c11 -Wall -Wextra -Wpedantic -Wconversion -Wsign-conversion -Wdouble-promotion -Wshadow -Wundef \
            -Wcast-align -Wmissing-prototypes -Wswitch-enum $(if $(CI),-Werror)
 # No fused multiply-add, no reordering: a replay gives the same bits with every compiler and level.
-override CFLAGS += $(WARN) $(OPT) -g -ffp-contract=off -fno-fast-math -fno-math-errno -D_GNU_SOURCE -Iinclude -I$(B)/gen -MMD -MP
+override CFLAGS += $(WARN) $(OPT) -g -ffp-contract=off -fno-fast-math -fno-math-errno -D_GNU_SOURCE -Iinclude -Isrc -I. -Itest -I$(B)/gen -MMD -MP
 LDLIBS  := -lode -lccd -llcm -lconfig -lz -lpthread -lm
 Q       := $(if $(V),,@)
 
-CORE    := $(wildcard src/*.c)
-PROCESS := $(filter-out src/process/main.c,$(wildcard src/process/*.c))
+CORE    := $(wildcard $(addprefix src/,$(addsuffix /*.c,base hand collision dynamics safety wire engine)))
+DAEMON  := $(filter-out src/daemon/main.c,$(wildcard src/daemon/*.c src/daemon/*/*.c))
 DRIVERS := $(wildcard drivers/*.c)
 TOOLS   := $(patsubst tools/%.c,%,$(wildcard tools/*.c))
-TESTS   := $(patsubst test/%.c,%,$(wildcard test/test_*.c test/*_pipe.c))
+TESTS   := $(basename $(notdir $(wildcard test/*/test_*.c test/support/*_pipe.c)))
 TYPES   := $(patsubst data/lcm/%.lcm,%,$(wildcard data/lcm/*.lcm))
 GEN_O   := $(TYPES:%=$(B)/gen/%.o)
 OBJ      = $(1:%.c=$(B)/%.o)
@@ -127,7 +127,7 @@ test-can: build/.can-packages build/venv/.done
 	$(Q)B=$(B) test/can/run
 
 ## all: build the daemon, the tools and the tests
-all: $(patsubst src/process/main.c,$(B)/gloved,$(wildcard src/process/main.c)) $(TOOLS:%=$(B)/%) $(TESTS:%=$(B)/test/%) $(B)/test/bench_engine
+all: $(B)/gloved $(TOOLS:%=$(B)/%) $(TESTS:%=$(B)/test/%) $(B)/test/bench_engine
 
 # Meshes that become scenes (about 5 s each, the full bunny 20 s): things of our own, and Debian's bunny.
 # gloved-scene and gloved-shapes make the virtual environment that they need. Masses in kilograms.
@@ -175,11 +175,11 @@ bench-accuracy: $(B)/test/test_accuracy
 ## bench: time of every step per scene, side by side with the peers; writes data/bench/ (BENCH=NAME: one scene)
 bench: bench-peers
 	$(Q)$(MAKE) --no-print-directory $(B)/test/bench_engine $(B)/test/bench_mujoco $(B)/test/bench_pairs
-	$(Q)build/venv-bench/bin/python test/bench.py $(B) $(BENCH)
+	$(Q)build/venv-bench/bin/python test/bench/bench.py $(B) $(BENCH)
 
 ## instructions: what a step costs, for test_instructions to compare with (then say in the commit why it changed)
 instructions: $(B)/test/bench_engine
-	$(Q)B=$(B) python3 test/test_instructions.py --update
+	$(Q)B=$(B) python3 test/replay/test_instructions.py --update
 
 ## bench-peers: install what the engine is measured against: MuJoCo, Bullet, coal
 bench-peers: build/venv-bench/.done
@@ -192,16 +192,16 @@ build/venv-bench/.done: build/.test-packages
 
 ## layers: check that no include or call crosses a wall (also part of the tests)
 layers:
-	$(Q)sh test/test_layers.sh
+	$(Q)sh test/system/test_layers.sh
 
 ## fuzz: feed random bytes to what reads the wire and the logs, 20 s each (clang)
-fuzz: $(patsubst test/%.c,build/fuzz/%,$(wildcard test/fuzz_*.c))
+fuzz: $(patsubst test/fuzz/%.c,build/fuzz/%,$(wildcard test/fuzz/fuzz_*.c))
 	$(Q)for f in $^; do mkdir -p $$f.corpus; \
 	  $$f -max_total_time=20 -max_len=1600 -print_final_stats=1 -artifact_prefix=$$f. $$f.corpus >$$f.log 2>&1 || { tail -n 40 $$f.log; exit 1; }; \
 	  echo "$$f: $$(sed -n 's/.*executed_units: *//p' $$f.log) inputs, no fault"; done
-build/fuzz/%: test/%.c $(addprefix drivers/,fcu.c classic.c frame.c cannelloni.c candump.c framer.c fastrak.c cyberglove.c lucidglove.c) src/hand.c src/math.c | build/.fuzz-packages
+build/fuzz/%: test/fuzz/%.c $(addprefix src/wire/,fcu.c classic.c frame.c cannelloni.c candump.c framer.c fastrak.c cyberglove.c lucidglove.c) src/hand/hand.c src/base/math.c | build/.fuzz-packages
 	@mkdir -p $(@D)
-	$(Q)clang $(WARN) -O1 -g -fsanitize=fuzzer,address,undefined -fno-sanitize-recover=all -D_GNU_SOURCE -Iinclude $^ -lm -o $@
+	$(Q)clang $(WARN) -O1 -g -fsanitize=fuzzer,address,undefined -fno-sanitize-recover=all -D_GNU_SOURCE -Iinclude -Isrc $^ -lm -o $@
 
 # What the build and the tests need, from Debian by name.
 build/.run-packages:
@@ -233,10 +233,10 @@ $(B)/gen/.done: $(wildcard data/lcm/*.lcm) | build/.run-packages
 	@touch $@
 $(B)/gen/%.o: $(B)/gen/.done
 	$(Q)$(CC) -O2 -I$(B)/gen -c $(B)/gen/$*.c -o $@
-$(LIB): $(call OBJ,$(CORE) $(PROCESS) $(DRIVERS)) $(GEN_O)
+$(LIB): $(call OBJ,$(CORE) $(DAEMON) $(DRIVERS)) $(GEN_O)
 	@rm -f $@
 	$(Q)ar rcs $@ $^
-$(B)/gloved: $(B)/src/process/main.o $(LIB)
+$(B)/gloved: $(B)/src/daemon/main.o $(LIB)
 	@echo "  LD   $@"
 	$(Q)$(CC) $(LDFLAGS) $^ $(LDLIBS) -o $@
 $(TOOLS:%=$(B)/%): $(B)/%: $(B)/tools/%.o $(LIB)
@@ -245,20 +245,25 @@ $(TOOLS:%=$(B)/%): $(B)/%: $(B)/tools/%.o $(LIB)
 $(B)/fcusim: $(call OBJ,$(wildcard tools/fcusim/*.c))
 $(B)/gloved-trace: $(call OBJ,$(wildcard tools/trace/*.c))
 # Benchmarks: clocks around the step's parts, by way of the linker; the peers from their own packages.
-$(B)/test/bench_engine: $(B)/test/bench_engine.o $(LIB)
+$(B)/test/bench_engine: $(B)/test/bench/bench_engine.o $(LIB)
 	@mkdir -p $(@D)
 	$(Q)$(CC) $(LDFLAGS) -Wl,--wrap=gv_engine_collide,--wrap=gv_dynamics_step $^ $(LDLIBS) -o $@
 MUJOCO   = $(firstword $(wildcard build/venv-bench/lib/python3*/site-packages/mujoco))
-$(B)/test/bench_mujoco: test/bench_mujoco.c $(LIB) build/venv-bench/.done
+$(B)/test/bench_mujoco: test/bench/bench_mujoco.c $(LIB) build/venv-bench/.done
 	@mkdir -p $(@D)
-	$(Q)$(CC) -std=c11 -O2 -D_GNU_SOURCE -Iinclude -isystem $(MUJOCO)/include $< $(LIB) $(wildcard $(MUJOCO)/libmujoco.so.*) \
+	$(Q)$(CC) -std=c11 -O2 -D_GNU_SOURCE -Iinclude -Isrc -Itest -isystem $(MUJOCO)/include $< $(LIB) $(wildcard $(MUJOCO)/libmujoco.so.*) \
 	  -Wl,-rpath,$(abspath $(MUJOCO)) -lm -o $@
 CMEEL    = $(firstword $(wildcard build/venv-bench/lib/python3*/site-packages/cmeel.prefix))
-$(B)/test/bench_pairs: $(B)/test/bench_pairs.o test/bench_coal.cc test/bench_coal.h $(LIB) build/venv-bench/.done
+$(B)/test/bench_pairs: $(B)/test/bench/bench_pairs.o test/bench/bench_coal.cc test/bench/bench_coal.h $(LIB) build/venv-bench/.done
 	@mkdir -p $(@D)
 	$(Q)g++ -std=c++17 -O2 -isystem $(CMEEL)/include -isystem /usr/include/eigen3 \
-	  test/bench_coal.cc $< $(LIB) $(CMEEL)/lib/libcoal.so -Wl,-rpath,$(abspath $(CMEEL))/lib -lccd -lm -o $@
-$(TESTS:%=$(B)/test/%): $(B)/test/%: $(B)/test/%.o $(LIB)
+	  -Itest test/bench/bench_coal.cc $< $(LIB) $(CMEEL)/lib/libcoal.so -Wl,-rpath,$(abspath $(CMEEL))/lib -lccd -lm -o $@
+# Test programs lie side by side in $(B)/test, whatever folder their source is in.
+define test_program
+$(B)/test/$(basename $(notdir $1)): $(B)/$(1:.c=.o) $(LIB)
+endef
+$(foreach source,$(wildcard test/*/test_*.c test/support/*_pipe.c),$(eval $(call test_program,$(source))))
+$(TESTS:%=$(B)/test/%):
 	@mkdir -p $(@D)
 	$(Q)$(CC) $(LDFLAGS) $^ $(LDLIBS) -o $@
 

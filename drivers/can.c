@@ -26,7 +26,7 @@
 
 #include "gloved/drivers.h"
 #include "gloved/fcu.h"
-#include "stamp.h"
+#include "drivers/stamp.h"
 
 #ifndef CANFD_FDF
 #define CANFD_FDF 0x04  // newer kernels mark FD frames with it

@@ -5,9 +5,9 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "cyberglove.h"
+#include "wire/cyberglove.h"
 #include "gloved/fcu.h"
-#include "serial_source.h"
+#include "drivers/serial_source.h"
 
 enum { QUIET_MS = 40, STOP_MS = 400, WRITE_MS = 500, REPLY_MS = 300, REPLY_BYTES = 256 };
 enum { SETTING_LEFT = 256 };   // added to the sensors in what set_up returns

@@ -5,9 +5,9 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "fastrak.h"
+#include "wire/fastrak.h"
 #include "gloved/fcu.h"
-#include "serial_source.h"
+#include "drivers/serial_source.h"
 
 enum { RECEIVER_HEAD = 1, RECEIVER_HAND = 2 };
 enum { LATENCY_US = 4000 };    // from measuring to the first byte (manual, "Specification")

@@ -18,9 +18,9 @@
 
 #include "gloved/channel.h"
 #include "gloved/fcu.h"
-#include "line_out.h"
-#include "lucidglove.h"
-#include "serial_source.h"
+#include "wire/line_out.h"
+#include "wire/lucidglove.h"
+#include "drivers/serial_source.h"
 
 enum { BOOT_MS = 3000, QUIET_MS = 100, WRITE_MS = 200, LET_GO_AFTER_MS = 5 };
 static const int64_t answer_ns = 20000000;  // a glove that has not answered by then lost its line

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // The serial line and its keeper (serial_port.h): termios, raw, 8N1, no flow control, non-blocking.
-#include "serial_port.h"
+#include "drivers/serial_port.h"
 
 #include <errno.h>
 #include <fcntl.h>

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // The simulated serial devices (serial_sim.h). Pure; deterministic for a seed and the bytes it receives.
-#include "serial_sim.h"
+#include "drivers/serial_sim.h"
 
 #include <stdio.h>
 #include <string.h>

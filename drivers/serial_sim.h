@@ -8,10 +8,10 @@
 #ifndef DRIVERS_SERIAL_SIM_H
 #define DRIVERS_SERIAL_SIM_H
 
-#include "cyberglove.h"
-#include "fastrak.h"
+#include "wire/cyberglove.h"
+#include "wire/fastrak.h"
 #include "gloved/sim.h"
-#include "lucidglove.h"
+#include "wire/lucidglove.h"
 
 typedef enum serial_sim_kind { SERIAL_SIM_FASTRAK, SERIAL_SIM_CYBERGLOVE, SERIAL_SIM_LUCIDGLOVE, SERIAL_SIM_KINDS } serial_sim_kind;
 

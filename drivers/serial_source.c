@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // Records of a serial device for its driver (serial_source.h). serial_source_next runs in the real-time thread.
-#include "serial_source.h"
+#include "drivers/serial_source.h"
 
 #include <stdlib.h>
 

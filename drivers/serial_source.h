@@ -3,10 +3,10 @@
 #ifndef DRIVERS_SERIAL_SOURCE_H
 #define DRIVERS_SERIAL_SOURCE_H
 
-#include "framer.h"
+#include "wire/framer.h"
 #include "gloved/drivers.h"
-#include "serial_port.h"
-#include "serial_url.h"
+#include "drivers/serial_port.h"
+#include "drivers/serial_url.h"
 
 enum { SERIAL_CHUNK = 512 };   // bytes of one read(): 44 ms at 115200 baud
 

@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // URLs of serial devices (serial_url.h). Set-up only.
-#include "serial_url.h"
+#include "drivers/serial_url.h"
 
 #include <stdarg.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
-#include "serial_port.h"
+#include "drivers/serial_port.h"
 
 int serial_url_fail(serial_url *url, const char *format, ...) {
   if (url->failed) return -1;

@@ -2,7 +2,7 @@
 // The simulated device: 22 sensors, two tracker receivers and a status, sampled from the scripted user and
 // his fingers, with the defects of real devices (quantum, noise, repeats, jumps, coarse stamps, late and
 // lost frames), as frames with their stamps. Steps of 1 ms of its own; no clock, no heap after init.
-#include "sim.h"
+#include "drivers/sim.h"
 
 #include <string.h>
 

@@ -4,7 +4,7 @@
 //   I d'' + c d' + k d = -T r        (T tension of the finger's tendon, r its moment arm at the joint)
 // integrated semi-implicitly (spring and damper at the new velocity), so that any stiffness is stable and
 // the deviation at rest is exactly -T r / k. Pure; no engine.
-#include "sim.h"
+#include "drivers/sim.h"
 
 #include "gloved/force.h"
 

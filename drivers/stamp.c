@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // Receive stamps of sockets: SCM_TIMESTAMPNS is CLOCK_REALTIME (socket(7)), the loop's clock is CLOCK_MONOTONIC.
-#include "stamp.h"
+#include "drivers/stamp.h"
 
 #include <string.h>
 

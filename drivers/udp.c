@@ -13,7 +13,7 @@
 #include <unistd.h>
 
 #include "gloved/drivers.h"
-#include "stamp.h"
+#include "drivers/stamp.h"
 
 enum {
   BATCH = 16,             // datagrams in one system call

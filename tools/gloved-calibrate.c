@@ -7,7 +7,7 @@
 // then named in the configuration as `calibration`; a file that is there already becomes FILE.old. --from: the
 // calibration whose slopes the sensors keep that no posture moves (the built-in one). --auto: no questions; each
 // new posture in which the hand rests is the next one; a recording or a simulated user runs as fast as it can.
-// What it does and refuses: src/process/calibrate.h. Exit code: 0 written, 1 refused (nothing written), 2 bad usage or input.
+// What it does and refuses: src/daemon/calibrate.h. Exit code: 0 written, 1 refused (nothing written), 2 bad usage or input.
 #include <errno.h>
 #include <poll.h>
 #include <stdio.h>
@@ -16,8 +16,8 @@
 #include <time.h>
 #include <unistd.h>
 
-#include "../src/process/calibrate.h"
-#include "../src/process/devices.h"
+#include "daemon/load/calibrate.h"
+#include "daemon/load/devices.h"
 #include "gloved/fcu.h"
 
 enum { FRAMES = 64, WAIT_S = 20, SILENCE_S = 3, TRIES = 3 };

@@ -7,7 +7,7 @@
 #include <string.h>
 #include <time.h>
 
-#include "../src/process/request.h"
+#include "daemon/loop/request.h"
 #include "gloved_command_t.h"
 #include "gloved_event_t.h"
 

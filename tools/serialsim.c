@@ -19,8 +19,8 @@
 #include <time.h>
 #include <unistd.h>
 
-#include "../drivers/serial_sim.h"
-#include "../src/process/config_load.h"
+#include "drivers/serial_sim.h"
+#include "daemon/load/config_load.h"
 
 enum { PERIOD_NS = 1000000, OUT_NS = 500000000, BYTES = 4096 };
 

@@ -97,7 +97,7 @@ gv_pose gv_fastrak_upright(void);
 int gv_cyberglove_open(const char *url, const gv_calibration *cal, gv_side side, gv_driver *out, char *err, size_t err_size);
 
 // "serial:DEVICE?type=lucidglove[&baud=115200&max=4095|1023&dead_man=a|b|joystick]": LucidGloves, GLOVE frames from
-// one bend per finger (spread over its joints, see drivers/lucidglove.h), FORCE_COMMAND frames to five brakes
+// one bend per finger (spread over its joints, see src/wire/lucidglove.h), FORCE_COMMAND frames to five brakes
 // (channel.h). max: the board's largest reading (1023: AVR boards). dead_man: the button that is the dead-man switch;
 // a loose one lets no force out. Only the newest command counts: a line of brakes goes out for each line of the
 // glove, zero brakes at once. Zero brakes follow from a command without ENABLE or one that does not decode, from 5 ms

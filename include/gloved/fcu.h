@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // Codec of the force control unit's frames. The layout is data/gloved.dbc; this is its twin in C
-// (test/test_fcu.py checks one against the other with cantools). Pure; any thread; under 1 us a frame.
+// (test/unit/test_fcu.py checks one against the other with cantools). Pure; any thread; under 1 us a frame.
 //
 // All frames: little-endian; byte 0 counter (modulo 256, per id), byte 1 flags, bytes 2-3 checksum:
 // CRC-16/CCITT-FALSE over the id (2 bytes, low first) and the payload with bytes 2-3 taken as zero.

@@ -2,7 +2,7 @@
 """Is a triangle mesh the surface of a solid? And if so, its volume, centre of mass and inertia, exactly.
 
 Closed and manifold: two triangles at every edge, running along it in opposite directions; one fan of triangles around
-every vertex. Mass: integrals over the signed tetrahedra between a point and the triangles, as in src/hull.c.
+every vertex. Mass: integrals over the signed tetrahedra between a point and the triangles, as in src/collision/hull.c.
 """
 import igl
 import numpy as np

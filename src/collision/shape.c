@@ -1,0 +1,62 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// Support functions and bounds of the shapes: h_S(d), the farthest point of a shape along a direction,
+// which is all that the narrow phase knows of a shape (Eqn 5 to 7 of the paper). A hull is climbed along
+// its edges from the last answer. Pure; any thread.
+#include "collision/cso.h"
+
+// A vertex none of whose neighbours is higher is a highest one: the edges of a convex polyhedron span
+// its cone. Each move is strictly upwards, so no vertex comes twice and the loop ends.
+int gv_hull_support(const gv_hull *hull, gv_vec3 d, int start) {
+  int here = start < hull->vertex_count ? start : 0, last = -1;
+  double high = gv_dot(hull->vertex[here], d);
+  while (here != last) {
+    last = here;
+    for (int k = hull->neighbor_start[last]; k < hull->neighbor_start[last + 1]; k++) {
+      double height = gv_dot(hull->vertex[hull->neighbor[k]], d);
+      if (height > high) high = height, here = hull->neighbor[k];
+    }
+  }
+  return here;
+}
+
+void gv_core_place(const gv_shape *shape, gv_pose T_b_shape, gv_core *out) {
+  out->kind = shape->kind;
+  out->center = T_b_shape.p;
+  out->hull = shape->hull;
+  out->in_place = false;
+  out->R = gv_mat3_from_quat(T_b_shape.q);
+  out->axis[0] = gv_scale(gv_mat3_column(&out->R, 0), shape->half.x);
+  out->axis[1] = gv_scale(gv_mat3_column(&out->R, 1), shape->half.y);
+  out->axis[2] = gv_scale(gv_mat3_column(&out->R, 2), shape->half.z);
+}
+
+void gv_core_in_place(const gv_shape *shape, gv_core *out) {
+  *out = (gv_core){.kind = shape->kind, .hull = shape->hull, .in_place = true, .R = {{{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}},
+                   .axis = {{shape->half.x, 0, 0}, {0, shape->half.y, 0}, {0, 0, shape->half.z}}};
+}
+
+gv_vec3 gv_core_support(const gv_core *core, gv_vec3 d, uint16_t *hint) {
+  unsigned vertex;
+  if (core->kind == GV_CORE_HULL) {
+    vertex = (unsigned)gv_hull_support(core->hull, core->in_place ? d : gv_mat3_mul_t(&core->R, d), *hint);
+  } else {
+    vertex = gv_dot(core->axis[0], d) >= 0;
+    if (core->kind == GV_CORE_BOX) vertex |= (unsigned)(gv_dot(core->axis[1], d) >= 0) << 1 | (unsigned)(gv_dot(core->axis[2], d) >= 0) << 2;
+  }
+  *hint = (uint16_t)vertex;
+  return gv_core_vertex(core, vertex);
+}
+
+double gv_core_height(const gv_shape *shape, gv_vec3 d, uint16_t *hint) {
+  if (shape->kind != GV_CORE_HULL) return fabs(d.x) * shape->half.x + fabs(d.y) * shape->half.y + fabs(d.z) * shape->half.z;
+  *hint = (uint16_t)gv_hull_support(shape->hull, d, *hint);
+  return gv_dot(shape->hull->vertex[*hint], d);
+}
+
+gv_vec3 gv_support(const gv_shape *shape, const gv_pose *T_world_shape, gv_vec3 d_world, uint16_t *hint) {
+  uint16_t own_hint = 0;
+  gv_core core;
+  gv_core_place(shape, *T_world_shape, &core);
+  gv_vec3 p = gv_core_support(&core, d_world, hint ? hint : &own_hint);
+  return gv_mad(p, shape->radius, gv_normalize_or(d_world, gv_v3(0, 0, 1)));
+}

@@ -1,0 +1,310 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// The daemon's configuration and the glove's calibration, from text. People write millimetres and degrees
+// where they measure them; metres and radians are made here. data/gloved.conf explains every setting.
+// Main thread, before the loop starts.
+#include "daemon/load/config_load.h"
+
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "daemon/load/conf.h"
+#include "gloved/drivers.h"
+
+#define DEG (GV_PI / 180)
+#define MAX_TENSION_N 12.285     // what a force command can carry (gloved/fcu.h)
+
+void gv_settings_default(gv_settings *out) {
+  memset(out, 0, sizeof *out);
+  out->engine = gv_config_default();
+  out->limiter = gv_limiter_config_default();
+  out->safety = gv_safety_config_default();
+  out->T_world_tracker = gv_fastrak_upright();
+  snprintf(out->scene, sizeof out->scene, "data/scenes/box.scene");
+  snprintf(out->fcu, sizeof out->fcu, "sim:");
+  snprintf(out->lcm, sizeof out->lcm, "udpm://239.255.76.67:7667?ttl=0");
+  out->rate_hz = 1000.0;
+  out->cpu = -1;
+  out->rt_priority = 80;
+  out->mlock = true;
+}
+
+// ---- numbers in the units of the file -------------------------------------------------------------
+
+// Shifts the decimal point, so that 40.3 mm becomes the very number that 0.0403 m is (40.3 / 1000 does not).
+static double metres(double mm) {
+  char text[40];
+  snprintf(text, sizeof text, "%.12fe-3", mm);
+  return strtod(text, NULL);
+}
+
+static void read_mm(gv_conf_group *group, const char *key, double min, double max, double *out) {
+  double value;
+  if (gv_conf_number(group, key, min, max, &value)) *out = metres(value);
+}
+
+static void read_vector_mm(gv_conf_group *group, const char *key, double min, double max, gv_vec3 *out) {
+  double v[3];
+  if (gv_conf_numbers(group, key, min, max, 3, "[x, y, z] in millimetres", v))
+    *out = gv_v3(metres(v[0]), metres(v[1]), metres(v[2]));
+}
+
+// Five rows of three, thumb to little finger. True where they were read.
+static bool read_fingers_mm(gv_conf_group *group, const char *key, double min, double max, double out[GV_FINGERS][3]) {
+  gv_conf_node rows = gv_conf_find(group, key);
+  if (!gv_conf_has(rows)) return false;
+  if (gv_conf_length(rows) != GV_FINGERS)
+    return gv_conf_fail(rows, "'%s' must be 5 rows, thumb to little finger; write ( [a, b, c], ... )", key);
+  for (int i = 0; i < GV_FINGERS; i++) {
+    if (!gv_conf_entry_numbers(gv_conf_entry(rows, i), min, max, 3, "[a, b, c] in millimetres", out[i])) return false;
+    for (int k = 0; k < 3; k++) out[i][k] = metres(out[i][k]);
+  }
+  return true;
+}
+
+// ---- the hand -------------------------------------------------------------------------------------
+
+static void read_limits(gv_conf_group *hand, gv_hand_model *out) {
+  gv_conf_group limits;
+  if (!gv_conf_enter(hand, "limits_deg", &limits)) return;
+  for (int i = 0; i < GV_SENSORS; i++) {
+    double v[2];
+    if (!gv_conf_numbers(&limits, gv_sensor_name(i), -180, 180, 2, "[least, most] in degrees", v)) continue;
+    if (!(v[0] < v[1]))
+      gv_conf_fail(gv_conf_find(&limits, gv_sensor_name(i)), "'%s' runs from %g to %g; write the smaller angle first",
+                   gv_sensor_name(i), v[0], v[1]);
+    out->angle_min_rad[i] = v[0] * DEG;
+    out->angle_max_rad[i] = v[1] * DEG;
+  }
+  gv_conf_leave(&limits);
+}
+
+static void read_hand(gv_conf_group *root, gv_hand_model *out) {
+  static const char *const sides[] = {"right", "left", NULL};
+  gv_conf_group hand;
+  if (!gv_conf_enter(root, "hand", &hand)) return;
+  int side = (int)out->side;
+  if (gv_conf_choice(&hand, "side", sides, &side)) *out = gv_hand_model_default(side ? GV_LEFT : GV_RIGHT);
+  double base[GV_FINGERS][3];
+  read_fingers_mm(&hand, "segment_mm", 5, 150, out->segment_m);
+  read_fingers_mm(&hand, "radius_mm", 2, 30, out->radius_m);
+  if (read_fingers_mm(&hand, "base_mm", -200, 200, base))
+    for (int i = 0; i < GV_FINGERS; i++) out->base_m[i] = gv_v3(base[i][0], base[i][1], base[i][2]);
+  read_vector_mm(&hand, "palm_center_mm", -200, 200, &out->palm_center_m);
+  read_vector_mm(&hand, "palm_half_mm", 0.1, 100, &out->palm_half_m);
+  read_mm(&hand, "palm_radius_mm", 2, 30, &out->palm_radius_m);
+  read_limits(&hand, out);
+  gv_conf_leave(&hand);
+}
+
+static void read_pose(gv_conf_group *root, const char *key, double limit_mm, gv_pose *out) {
+  gv_conf_group pose;
+  if (!gv_conf_enter(root, key, &pose)) return;
+  double q[4];
+  read_vector_mm(&pose, "position_mm", -limit_mm, limit_mm, &out->p);
+  if (gv_conf_numbers(&pose, "orientation", -1.001, 1.001, 4, "the quaternion [w, x, y, z]", q)) {
+    double length = sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]);
+    if (fabs(length - 1) > 1e-3)
+      gv_conf_fail(gv_conf_find(&pose, "orientation"), "the quaternion has length %.4g; scale it to 1", length);
+    out->q = gv_quat_normalize((gv_quat){q[0], q[1], q[2], q[3]});
+  }
+  gv_conf_leave(&pose);
+}
+
+static void read_filter(gv_conf_group *root, gv_config *out) {
+  gv_conf_group filter;
+  if (!gv_conf_enter(root, "filter", &filter)) return;
+  gv_conf_number(&filter, "corner_hz", 0, 1000, &out->filter_hz);
+  gv_conf_number(&filter, "gate_rad", 0, 7, &out->gate_rad);
+  gv_conf_number(&filter, "prediction_s", 0, 0.1, &out->prediction_s);
+  gv_conf_number(&filter, "gate_m", 0, 10, &out->gate_m);
+  gv_conf_leave(&filter);
+}
+
+// ---- physics --------------------------------------------------------------------------------------
+
+static void read_spring(gv_conf_group *coupling, const char *key, double *mass_kg, gv_coupling *out) {
+  gv_conf_group spring;
+  if (!gv_conf_enter(coupling, key, &spring)) return;
+  gv_conf_number(&spring, "mass_kg", 1e-4, 10, mass_kg);
+  gv_conf_number(&spring, "k_f", 0, 1e6, &out->k_f);
+  gv_conf_number(&spring, "d_f", -1, 1e5, &out->d_f);
+  gv_conf_number(&spring, "k_t", 0, 1e4, &out->k_t);
+  gv_conf_number(&spring, "d_t", -1, 1e3, &out->d_t);
+  gv_conf_leave(&spring);
+}
+
+static void read_coupling(gv_conf_group *root, gv_config *out) {
+  static const char *const laws[] = {"log", "paper", NULL};
+  gv_conf_group coupling;
+  if (!gv_conf_enter(root, "coupling", &coupling)) return;
+  int law;
+  if (gv_conf_choice(&coupling, "rotation_law", laws, &law))
+    out->rotation_law = law ? GV_ROTATION_PAPER : GV_ROTATION_LOG;
+  gv_conf_bool(&coupling, "limb_gravity", &out->limb_gravity);
+  read_spring(&coupling, "limb", &out->limb_mass_kg, &out->limb);
+  read_spring(&coupling, "palm", &out->palm_mass_kg, &out->palm);
+  gv_conf_leave(&coupling);
+}
+
+static void read_contact(gv_conf_group *root, gv_config *out) {
+  static const char *const models[] = {"pyramid", "fixed_limit", NULL};
+  gv_conf_group contact;
+  if (!gv_conf_enter(root, "contact", &contact)) return;
+  int model;
+  gv_conf_number(&contact, "mu_hand", 0, 1e4, &out->mu_hand);
+  if (gv_conf_choice(&contact, "friction", models, &model))
+    out->friction = model ? GV_FRICTION_FIXED_LIMIT : GV_FRICTION_PYRAMID;
+  gv_conf_number(&contact, "erp", 0, 1, &out->contact_erp);
+  gv_conf_number(&contact, "cfm", 1e-9, 1, &out->contact_cfm);
+  gv_conf_number(&contact, "world_cfm", 1e-14, 1e-2, &out->world_cfm);
+  read_mm(&contact, "margin_mm", 0, 10, &out->contact_margin_m);
+  gv_conf_leave(&contact);
+}
+
+static void read_solver(gv_conf_group *root, gv_config *out) {
+  static const char *const methods[] = {"auto", "dantzig", "quick", NULL};
+  static const gv_solver solver[] = {GV_SOLVER_AUTO, GV_SOLVER_DANTZIG, GV_SOLVER_QUICK};
+  gv_conf_group group;
+  if (!gv_conf_enter(root, "solver", &group)) return;
+  int method;
+  gv_conf_number(&group, "step_s", 1e-5, 0.02, &out->step_s);
+  if (gv_conf_choice(&group, "method", methods, &method)) out->solver = solver[method];
+  gv_conf_integer(&group, "dantzig_contacts", 0, GV_MAX_CONTACTS, &out->dantzig_contacts);
+  gv_conf_integer(&group, "quick_iterations", 1, 1000, &out->quick_iterations);
+  gv_conf_number(&group, "rest_s", 0, 100, &out->rest_s);
+  gv_conf_leave(&group);
+}
+
+static void read_override(gv_conf_group *root, gv_config *out) {
+  gv_conf_group override;
+  if (!gv_conf_enter(root, "override", &override)) return;
+  gv_conf_number(&override, "gravity_m_s2", 0, 100, &out->override_gravity_m_s2);
+  gv_conf_number(&override, "mass_kg", 0, 1000, &out->override_mass_kg);
+  gv_conf_number(&override, "mu", 0, 1e4, &out->override_mu);
+  gv_conf_bool(&override, "sphere_inertia", &out->override_sphere_inertia);
+  gv_conf_leave(&override);
+}
+
+// ---- forces and process ---------------------------------------------------------------------------
+
+static void read_limiter(gv_conf_group *root, gv_limiter_config *out) {
+  gv_conf_group limiter;
+  if (!gv_conf_enter(root, "limiter", &limiter)) return;
+  gv_conf_number(&limiter, "max_n", 0, MAX_TENSION_N, &out->max_n);
+  gv_conf_numbers(&limiter, "finger_max_n", 0, MAX_TENSION_N, GV_FINGERS, "[thumb, index, middle, ring, little]", out->finger_max_n);
+  gv_conf_number(&limiter, "pretension_n", 0, 2, &out->pretension_n);
+  gv_conf_number(&limiter, "slew_n_per_s", 1, 1e5, &out->slew_n_per_s);
+  gv_conf_number(&limiter, "ramp_s", 0.001, 1, &out->ramp_s);
+  gv_conf_number(&limiter, "max_age_s", 0.001, 1, &out->max_age_s);
+  gv_conf_leave(&limiter);
+}
+
+static void read_count(gv_conf_group *group, const char *key, unsigned *out) {
+  int value;
+  if (gv_conf_integer(group, key, 1, 10000, &value)) *out = (unsigned)value;
+}
+
+static void read_safety(gv_conf_group *root, gv_safety_config *out) {
+  gv_conf_group safety;
+  if (!gv_conf_enter(root, "safety", &safety)) return;
+  gv_conf_number(&safety, "max_age_s", 0.001, 1, &out->max_age_s);
+  gv_conf_number(&safety, "arm_below_n", 0, MAX_TENSION_N, &out->arm_below_n);
+  read_count(&safety, "bad_limit", &out->bad_limit);
+  gv_conf_number(&safety, "bad_window_s", 0.001, 10, &out->bad_window_s);
+  read_count(&safety, "overrun_limit", &out->overrun_limit);
+  gv_conf_leave(&safety);
+}
+
+static void read_realtime(gv_conf_group *root, gv_settings *out) {
+  gv_conf_group realtime;
+  // The simulation keeps up with time unless solver.step_s, read later, says otherwise.
+  if (gv_conf_number(root, "rate_hz", 100, 10000, &out->rate_hz)) out->engine.step_s = 1.0 / out->rate_hz;
+  if (!gv_conf_enter(root, "realtime", &realtime)) return;
+  gv_conf_integer(&realtime, "cpu", -1, 1023, &out->cpu);
+  gv_conf_integer(&realtime, "priority", 0, 99, &out->rt_priority);
+  gv_conf_bool(&realtime, "mlock", &out->mlock);
+  gv_conf_leave(&realtime);
+}
+
+static void read_preset(gv_conf_group *root, gv_config *out) {
+  static const char *const presets[] = {"default", "paper", NULL};
+  int preset;
+  if (gv_conf_choice(root, "preset", presets, &preset)) *out = preset ? gv_config_paper() : gv_config_default();
+}
+
+static void read_calibration(gv_conf_group *root, gv_settings *out) {
+  char reason[GV_SETTING_TEXT + 256];
+  if (!gv_conf_text(root, "calibration", out->calibration, sizeof out->calibration) || !out->calibration[0]) return;
+  if (gv_calibration_load(out->calibration, &out->engine.calibration, reason, sizeof reason))
+    gv_conf_fail(gv_conf_find(root, "calibration"), "%s", reason);
+}
+
+static void read_settings(gv_conf_group *root, gv_settings *out) {
+  read_preset(root, &out->engine); // first: everything else changes what it sets
+  gv_conf_text(root, "scene", out->scene, sizeof out->scene);
+  gv_conf_text(root, "fcu", out->fcu, sizeof out->fcu);
+  gv_conf_text(root, "tracker", out->tracker, sizeof out->tracker);
+  gv_conf_text(root, "lcm", out->lcm, sizeof out->lcm);
+  read_calibration(root, out);
+  read_realtime(root, out);
+  read_hand(root, &out->engine.hand);
+  read_pose(root, "receiver", 500, &out->engine.T_receiver_wrist);
+  read_pose(root, "tracker_to_world", 10000, &out->T_world_tracker);
+  read_filter(root, &out->engine);
+  read_coupling(root, &out->engine);
+  read_contact(root, &out->engine);
+  read_solver(root, &out->engine);
+  read_override(root, &out->engine);
+  read_limiter(root, &out->limiter);
+  read_safety(root, &out->safety);
+  gv_conf_leave(root);
+}
+
+int gv_settings_load(const char *path, gv_settings *out, char *err, size_t err_size) {
+  gv_conf conf;
+  gv_settings_default(out);
+  if (!gv_conf_open(&conf, path, err, err_size)) return -1;
+  gv_conf_group root = gv_conf_root(&conf);
+  read_settings(&root, out);
+  const char *unsound = conf.failed ? NULL : gv_config_check(&out->engine);
+  if (unsound) gv_conf_fail(root.node, "the settings do not work together: %s is out of range; change it", unsound);
+  gv_conf_close(&conf);
+  return conf.failed ? -1 : 0;
+}
+
+// ---- calibration ----------------------------------------------------------------------------------
+
+static void read_sensor(gv_conf_group *sensors, int i, gv_calibration *out) {
+  gv_conf_group sensor;
+  double deg[2] = {0, 0};
+  const char *name = gv_sensor_name(i);
+  gv_conf_need(sensors, name, "{ raw = [a, b]; deg = [a, b]; } for this sensor");
+  if (!gv_conf_enter(sensors, name, &sensor)) return;
+  gv_conf_need(&sensor, "raw", "raw = [a, b]; the raw values at two angles");
+  gv_conf_need(&sensor, "deg", "deg = [a, b]; the angles at the two raw values");
+  gv_conf_numbers(&sensor, "raw", -65535, 65535, 2, "[a, b], raw values at two angles", out->raw[i]);
+  gv_conf_numbers(&sensor, "deg", -360, 360, 2, "[a, b], degrees at the two raw values", deg);
+  gv_conf_leave(&sensor);
+  if (fabs(out->raw[i][1] - out->raw[i][0]) < 1 || fabs(deg[1] - deg[0]) < 0.1)
+    gv_conf_fail(sensor.node, "the two points of '%s' coincide; measure two different angles", name);
+  for (int k = 0; k < 2; k++) out->angle_rad[i][k] = deg[k] * DEG;
+}
+
+int gv_calibration_load(const char *path, gv_calibration *out, char *err, size_t err_size) {
+  gv_conf conf;
+  gv_calibration cal = gv_calibration_default();
+  if (!gv_conf_open(&conf, path, err, err_size)) return -1;
+  gv_conf_group root = gv_conf_root(&conf), sensors;
+  gv_conf_need(&root, "sensors", "sensors = { thumb_rotate = { raw = [a, b]; deg = [a, b]; }; ... };");
+  if (gv_conf_enter(&root, "sensors", &sensors)) {
+    for (int i = 0; i < GV_SENSORS; i++) gv_conf_find(&sensors, gv_sensor_name(i)); // all are known by now
+    for (int i = 0; i < GV_SENSORS; i++) read_sensor(&sensors, i, &cal);
+    gv_conf_leave(&sensors);
+  }
+  gv_conf_leave(&root);
+  gv_conf_close(&conf);
+  if (conf.failed) return -1;
+  *out = cal;
+  return 0;
+}

@@ -1,0 +1,306 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// The real-time thread: sleep until the deadline (clock_nanosleep, absolute, CLOCK_MONOTONIC), take the
+// devices' frames, one session step, send the command, tell the slow thread. A deadline that was missed is
+// not caught up with: whole periods are skipped and counted.
+#include "daemon/loop/loop.h"
+
+#include <errno.h>
+#include <string.h>
+#include <time.h>
+#include <unistd.h>
+
+#include "daemon/loop/heap.h"
+
+enum {
+  FINAL_ZERO_COMMANDS = 3,
+  RECORDS_A_STEP = 32,  // 7 engine events, overrun, other hand, state, 16 requests, and room
+  STEP_RECORDS_A_STEP = GV_LOOP_FRAMES / GV_STEP_FRAMES,
+  REPORT_OVERRUN = 31
+};
+
+int64_t gv_loop_periods_to_skip(int64_t late_ns, int64_t period_ns) {
+  return late_ns <= 0 ? 0 : (late_ns + period_ns - 1) / period_ns;
+}
+
+const char *gv_exit_name(gv_exit reason) {
+  switch (reason) {
+    case GV_EXIT_RUNNING: return "running";
+    case GV_EXIT_END: return "end of input";
+    case GV_EXIT_DURATION: return "duration";
+    case GV_EXIT_SIGNAL: return "signal";
+    case GV_EXIT_FAULT: return "fault";
+    case GV_EXIT_SCENE: return "scene";
+  }
+  return "unknown";
+}
+
+static int64_t clock_ns(clockid_t clock) {
+  struct timespec t;
+  clock_gettime(clock, &t);
+  return (int64_t)t.tv_sec * 1000000000 + t.tv_nsec;
+}
+
+static void sleep_until(int64_t deadline_ns) {
+  const struct timespec t = {deadline_ns / 1000000000, deadline_ns % 1000000000};
+  while (clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &t, NULL) == EINTR) {}
+}
+
+static void add_relaxed(_Atomic uint64_t *counter, uint64_t amount) {
+  atomic_store_explicit(counter, atomic_load_explicit(counter, memory_order_relaxed) + amount, memory_order_relaxed);
+}
+
+// ---- telling the slow thread ------------------------------------------------------------------------
+
+// In free pace nothing gets lost: before a step the loop waits until the slow thread has made room for all
+// that one step can have to tell.
+static void wait_for_space(const gv_loop *loop) {
+  while (gv_ring_space(&loop->snapshots) < 1 || gv_ring_space(&loop->records) < RECORDS_A_STEP ||
+         gv_ring_space(&loop->steps) < STEP_RECORDS_A_STEP ||
+         gv_ring_space(&loop->frames) < GV_LOOP_FRAMES + 1)
+    sleep_until(clock_ns(CLOCK_MONOTONIC) + 200000);
+}
+
+static void push_record(gv_loop *loop, gv_record_kind kind, uint32_t bits) {
+  const gv_session *session = loop->session;
+  gv_record *record = gv_ring_reserve(&loop->records);
+  if (!record) return;
+  int64_t step = gv_session_steps(session);
+  *record = (gv_record){.kind = kind, .step = step, .time_s = (double)(step * loop->cfg.period_ns) * 1e-9,
+                        .utime = loop->wall_us + loop->now_ns / 1000, .from = loop->state_reported, .to = session->safety.state, .bits = bits};
+  gv_ring_commit(&loop->records);
+}
+
+// At most one report a second for each kind, so that a noisy event cannot fill the ring.
+static bool may_report(gv_loop *loop, int kind) {
+  int64_t step = gv_session_steps(loop->session);
+  if (step < loop->next_report[kind]) return false;
+  loop->next_report[kind] = step + 1000000000 / loop->cfg.period_ns;
+  return true;
+}
+
+static void report_events(gv_loop *loop) {
+  const gv_session *session = loop->session;
+  for (uint32_t rest = session->result.events; rest; rest &= rest - 1)
+    if (may_report(loop, __builtin_ctz(rest))) push_record(loop, GV_RECORD_ENGINE, rest & (~rest + 1));
+  if (loop->overruns_now && may_report(loop, REPORT_OVERRUN)) push_record(loop, GV_RECORD_OVERRUN, loop->overruns_now);
+  if (session->other_hand && !loop->other_hand_reported) {
+    push_record(loop, GV_RECORD_OTHER_HAND, 0);
+    loop->other_hand_reported = true;
+  }
+  if (session->safety.state == loop->state_reported) return;
+  push_record(loop, GV_RECORD_STATE, session->safety.faults);
+  loop->state_reported = session->safety.state;
+}
+
+// Where the slow thread is more than 3 s behind, the rest is dropped and counted.
+static void record_frames(gv_loop *loop, const gv_frame *frame, int count) {
+  for (int i = 0; loop->cfg.record && i < count; i++) {
+    gv_frame *recorded = gv_ring_reserve(&loop->frames);
+    if (!recorded) continue;
+    *recorded = frame[i];
+    recorded->stamp_ns = loop->step_ns;
+    gv_ring_commit(&loop->frames);
+  }
+}
+
+static void push_snapshot(gv_loop *loop) {
+  gv_snapshot *snapshot = gv_ring_reserve(&loop->snapshots);
+  if (!snapshot) return;
+  gv_snapshot_fill(loop->session, loop->object_count, snapshot);
+  snapshot->utime = loop->wall_us + loop->now_ns / 1000;
+  snapshot->events = loop->events;
+  snapshot->missed_deadlines = loop->missed_deadlines;
+  snapshot->overruns = loop->overruns;
+  snapshot->ring_dropped = gv_ring_dropped(&loop->snapshots);
+  snapshot->heap_calls = loop->heap_calls;
+  gv_ring_commit(&loop->snapshots);
+  loop->events = 0;
+}
+
+static void push_steps(gv_loop *loop, int frame_count, int64_t wake_ns, int64_t work_ns) {
+  for (int first = 0; first == 0 || first < frame_count; first += GV_STEP_FRAMES) {
+    gv_step_record *record = gv_ring_reserve(&loop->steps);
+    if (!record) return;
+    const int rest = frame_count - first;
+    gv_step_record_fill(loop->session, loop->now_ns, &loop->frame[first], rest < GV_STEP_FRAMES ? rest : GV_STEP_FRAMES, record);
+    record->utime = loop->wall_us + loop->now_ns / 1000;
+    record->wake_ns = (int32_t)wake_ns;
+    record->work_ns = (int32_t)work_ns;
+    gv_ring_commit(&loop->steps);
+  }
+}
+
+// Requests behind one for another scene wait for that scene. Whoever changes the scene tells that it is done.
+static void obey_requests(gv_loop *loop) {
+  const gv_request *request;
+  while (!loop->scene_accepted && (request = gv_ring_peek(&loop->requests))) {
+    const bool done = gv_session_request(loop->session, request), scene = request->kind == GV_REQUEST_SCENE;
+    if (!scene || !done) push_record(loop, GV_RECORD_REQUEST, (uint32_t)request->kind | (done ? 0u : GV_RECORD_REFUSED));
+    if (scene) atomic_store(&loop->scene_asked, done);
+    loop->scene_accepted = scene && done;
+    gv_ring_release(&loop->requests);
+  }
+}
+
+static void tell(gv_loop *loop, int64_t step) {
+  const int64_t every = 1000000000 / GV_SNAPSHOT_HZ / loop->cfg.period_ns;
+  loop->events |= loop->session->result.events;
+  report_events(loop);
+  if (every <= 1 || step % every == 0) push_snapshot(loop);
+  atomic_store_explicit(&loop->heap_calls, loop->heap_calls_before + gv_heap_calls(), memory_order_relaxed);
+}
+
+// ---- the loop -----------------------------------------------------------------------------------------
+
+static gv_exit why_to_end(const gv_loop *loop) {
+  if (atomic_load_explicit(loop->stop, memory_order_relaxed)) return GV_EXIT_SIGNAL;
+  const int64_t skipped = loop->cfg.pace == GV_PACE_LIVE ? (int64_t)loop->overruns : 0;
+  if (loop->cfg.periods_max > 0 && loop->number + skipped >= loop->cfg.periods_max) return GV_EXIT_DURATION;
+  if (loop->driver->ended(loop->driver->self)) return GV_EXIT_END;
+  return loop->scene_accepted ? GV_EXIT_SCENE : GV_EXIT_RUNNING;
+}
+
+// Skips the periods that are already over; returns the next deadline.
+static int64_t next_deadline(gv_loop *loop, int64_t deadline_ns, int64_t done_ns) {
+  const int64_t next = deadline_ns + loop->cfg.period_ns;
+  const int64_t skip = gv_loop_periods_to_skip(done_ns - next, loop->cfg.period_ns);
+  loop->overruns_now = (unsigned)skip;
+  if (skip) {
+    add_relaxed(&loop->missed_deadlines, 1);
+    add_relaxed(&loop->overruns, (uint64_t)skip);
+  }
+  return next + skip * loop->cfg.period_ns;
+}
+
+// From the end of the first step on the thread has touched what it needs: nothing more may be allocated
+// or faulted in. loop->page_faults holds the count at that time until count_faults.
+static void watch_faults(gv_loop *loop) {
+  loop->page_faults = gv_realtime_page_faults();
+  gv_heap_watch(true);
+}
+
+static void count_faults(gv_loop *loop) {
+  const gv_page_faults now = gv_realtime_page_faults(), start = loop->page_faults, before = loop->page_faults_before;
+  gv_heap_watch(false);
+  loop->page_faults = (gv_page_faults){before.major + now.major - start.major, before.minor + now.minor - start.minor};
+}
+
+// Forces to zero over the limiter's ramp, without engine steps, and then a few commands of zero for a
+// lossy link. Bounded: the ramp ends.
+static void ramp_down(gv_loop *loop) {
+  int64_t deadline_ns = clock_ns(CLOCK_MONOTONIC);
+  gv_frame command;
+  loop->state_before_stop = loop->session->safety.state;
+  loop->faults_before_stop = loop->session->safety.faults;
+  for (int zeros = 0; zeros < FINAL_ZERO_COMMANDS;) {
+    loop->now_ns += loop->cfg.period_ns;
+    loop->number++;
+    zeros += gv_session_stop(loop->session, loop->now_ns, &command) ? 1 : 0;
+    loop->driver->send(loop->driver->self, &command, 1);
+    record_frames(loop, &command, 1);
+    deadline_ns += loop->cfg.period_ns;
+    if (loop->cfg.pace != GV_PACE_FREE) sleep_until(deadline_ns);
+  }
+}
+
+// t: start and the ends of the stages.
+static void add_times(gv_loop *loop, const int64_t t[GV_STAGES + 1]) {
+  for (int i = 0; i < GV_STAGES; i++) gv_histogram_add(&loop->stage[i], t[i + 1] - t[i]);
+  gv_histogram_add(&loop->step, t[GV_STAGES] - t[0]);
+}
+
+static gv_exit run(gv_loop *loop) {
+  const gv_pace pace = loop->cfg.pace;
+  const gv_driver *driver = loop->driver;
+  int64_t deadline_ns = clock_ns(CLOCK_MONOTONIC) + loop->cfg.period_ns;
+  gv_exit reason;
+  gv_frame command;
+  for (bool first = true; (reason = why_to_end(loop)) == GV_EXIT_RUNNING; first = false, loop->number++) {
+    if (pace == GV_PACE_FREE) wait_for_space(loop);
+    else sleep_until(deadline_ns);
+    const int64_t start_ns = clock_ns(CLOCK_MONOTONIC);
+    loop->step_ns = loop->number * loop->cfg.period_ns;
+    loop->now_ns = pace == GV_PACE_LIVE ? start_ns : loop->step_ns;
+    const int count = driver->poll(driver->self, loop->now_ns, loop->frame, GV_LOOP_FRAMES);
+    const int64_t polled_ns = clock_ns(CLOCK_MONOTONIC);
+    obey_requests(loop);
+    // In virtual time nothing is late, and a simulated user must not feel the host's load.
+    const unsigned overruns = pace == GV_PACE_LIVE ? loop->overruns_now : 0;
+    gv_session_step(loop->session, loop->now_ns, loop->frame, count, overruns, &command);
+    const int64_t computed_ns = clock_ns(CLOCK_MONOTONIC);
+    driver->send(driver->self, &command, 1);
+    const int64_t sent_ns = clock_ns(CLOCK_MONOTONIC);
+    record_frames(loop, loop->frame, count);
+    record_frames(loop, &command, 1);
+    tell(loop, loop->number);
+    if (first) watch_faults(loop);
+    const int64_t done_ns = clock_ns(CLOCK_MONOTONIC);
+    add_times(loop, (const int64_t[]){start_ns, polled_ns, computed_ns, sent_ns, done_ns});
+    if (atomic_load_explicit(&loop->trace, memory_order_relaxed))
+      push_steps(loop, count, pace == GV_PACE_FREE ? 0 : start_ns - deadline_ns, done_ns - start_ns);
+    if (pace == GV_PACE_FREE) continue;
+    gv_histogram_add(&loop->wake, start_ns - deadline_ns);
+    deadline_ns = next_deadline(loop, deadline_ns, done_ns);
+  }
+  return reason;
+}
+
+static void *loop_thread(void *argument) {
+  gv_loop *loop = argument;
+  const unsigned refusals = loop->refusals_before | gv_realtime_enter(&loop->cfg.realtime);
+  atomic_store(&loop->refusals, (int)refusals);
+  const int64_t session_ns = loop->cfg.pace == GV_PACE_LIVE ? clock_ns(CLOCK_MONOTONIC) : loop->number * loop->cfg.period_ns;
+  loop->wall_us = (clock_ns(CLOCK_REALTIME) - session_ns) / 1000;
+  loop->page_faults = gv_realtime_page_faults();
+  const gv_exit reason = run(loop);
+  count_faults(loop);
+  ramp_down(loop);
+  if (loop->cfg.pace == GV_PACE_FREE) wait_for_space(loop);
+  tell(loop, 0);
+  atomic_store(&loop->exit, (int)reason);
+  if (loop->cfg.alarm_s && reason != GV_EXIT_SCENE) alarm(loop->cfg.alarm_s);
+  return NULL;
+}
+
+void gv_loop_init(gv_loop *loop, const gv_loop_config *cfg, gv_session *session, gv_driver *driver, int object_count,
+                  atomic_bool *stop) {
+  loop->cfg = *cfg;
+  loop->session = session;
+  loop->driver = driver;
+  loop->object_count = object_count;
+  loop->stop = stop;
+  loop->state_reported = session->safety.state;
+  atomic_init(&loop->exit, GV_EXIT_RUNNING);
+  atomic_init(&loop->refusals, -1);
+  gv_ring_init(&loop->snapshots, loop->snapshot_slot, sizeof loop->snapshot_slot[0], GV_LOOP_SNAPSHOTS);
+  gv_ring_init(&loop->records, loop->record_slot, sizeof loop->record_slot[0], GV_LOOP_RECORDS);
+  gv_ring_init(&loop->steps, loop->step_slot, sizeof loop->step_slot[0], GV_LOOP_STEPS);
+  gv_ring_init(&loop->requests, loop->request_slot, sizeof loop->request_slot[0], GV_LOOP_REQUESTS);
+  gv_ring_init(&loop->frames, loop->recorded_slot, sizeof loop->recorded_slot[0], GV_LOOP_RECORDED);
+}
+
+void gv_loop_change_scene(gv_loop *loop, int object_count) {
+  loop->object_count = object_count;
+  loop->state_reported = loop->session->safety.state;
+  loop->heap_calls_before = atomic_load(&loop->heap_calls);
+  loop->page_faults_before = loop->page_faults;
+  loop->overruns_now = 0;
+  loop->events = 0;
+  loop->scene_accepted = false;
+  atomic_store(&loop->scene_asked, false);
+  atomic_store(&loop->exit, GV_EXIT_RUNNING);
+}
+
+int gv_loop_start(gv_loop *loop) {
+  pthread_attr_t attributes;
+  loop->starts++;
+  loop->refusals_before = gv_realtime_prepare(&loop->cfg.realtime);
+  pthread_attr_init(&attributes);
+  pthread_attr_setstacksize(&attributes, GV_REALTIME_STACK);
+  int error = pthread_create(&loop->thread, &attributes, loop_thread, loop);
+  pthread_attr_destroy(&attributes);
+  return error;
+}
+
+bool gv_loop_running(const gv_loop *loop) { return atomic_load(&loop->exit) == GV_EXIT_RUNNING; }
+void gv_loop_join(gv_loop *loop) { pthread_join(loop->thread, NULL); }

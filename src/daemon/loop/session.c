@@ -1,0 +1,264 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// Device frames to engine sample, engine answer to force command: decode (fcu.h), keep the newest good
+// glove and hand pose and their ages, step engine, safety machine and limiter, pack. Pure glue in the
+// real-time thread.
+//
+// Counters (modulo 256, one per id): 1 to 127 ahead is new, and the gap counts as lost; equal or 128 to
+// 255 ahead is doubled or overtaken by a newer frame, counts as late and is dropped, since time in the
+// simulation never runs backwards. A device that restarts would be dropped for up to 128 frames: after
+// GV_SESSION_RESYNC in a row its counter is taken as it is.
+#include "daemon/loop/session.h"
+
+#include <math.h>
+#include <string.h>
+
+static const double farthest_m = 100.0;  // of the tracker's receiver from the origin
+
+void gv_session_init(gv_session *session, const gv_session_config *cfg, gv_engine *engine) {
+  *session = (gv_session){.cfg = *cfg, .engine = engine, .glove_age_s = HUGE_VAL, .hand_age_s = HUGE_VAL};
+  session->hand.T_world_receiver = session->sample.T_world_receiver = gv_pose_identity();
+  session->limb_configured = gv_engine_config(engine)->limb;
+  session->palm_configured = gv_engine_config(engine)->palm;
+  gv_safety_init(&session->safety, &cfg->safety);
+  gv_limiter_init(&session->limiter, &cfg->limiter);
+}
+
+void gv_session_change_engine(gv_session *session, gv_engine *engine, uint64_t steps_before) {
+  const gv_session before = *session;
+  gv_session_init(session, &before.cfg, engine);
+  session->steps_before = steps_before;
+  session->frames = before.frames;
+  session->glove_stream = before.glove_stream;
+  session->pose_stream = before.pose_stream;
+  session->status_stream = before.status_stream;
+  session->command_counter = before.command_counter;
+  session->faults_seen = before.faults_seen;
+  memcpy(session->force_max_n, before.force_max_n, sizeof session->force_max_n);
+}
+
+int64_t gv_session_steps(const gv_session *session) {
+  return (int64_t)(session->steps_before + gv_engine_counters(session->engine)->steps);
+}
+
+// Whether a frame with this counter is new in its stream.
+static bool accept_counter(gv_frame_counters *frames, gv_stream *stream, uint8_t counter) {
+  uint8_t ahead = (uint8_t)(counter - stream->counter);
+  bool is_new = ahead >= 1 && ahead < 128;
+  if (stream->seen && !is_new && ++stream->refused_in_row < GV_SESSION_RESYNC) {
+    frames->late++;
+    frames->errors++;
+    return false;
+  }
+  if (stream->seen && is_new && ahead > 1) {
+    frames->lost += ahead - 1u;
+    frames->errors++;
+  }
+  *stream = (gv_stream){true, counter, 0};
+  return true;
+}
+
+// Time of measurement; a sample that is too old already counts as late (it still moves the simulated hand).
+static int64_t measured_at(gv_session *session, const gv_frame *frame, int64_t now_ns, uint32_t age_us) {
+  int64_t time_ns = frame->stamp_ns - (int64_t)age_us * 1000;
+  if ((double)(now_ns - time_ns) * 1e-9 > session->cfg.safety.max_age_s) session->frames.late++;
+  return time_ns;
+}
+
+static gv_fcu_error take_glove(gv_session *session, const gv_frame *frame, int64_t now_ns) {
+  gv_glove_msg msg;
+  gv_fcu_error error = gv_fcu_unpack_glove(frame, &msg);
+  if (error || !accept_counter(&session->frames, &session->glove_stream, msg.counter)) return error;
+  bool other_hand = ((msg.flags & GV_GLOVE_LEFT) != 0) != (session->cfg.side == GV_LEFT);
+  if (other_hand || (msg.flags & GV_GLOVE_SENSOR_FAULT)) {
+    session->other_hand |= other_hand;
+    session->frames.unusable++;
+    return GV_FCU_OK;
+  }
+  if (!session->glove_seen || msg.stamp_us != session->glove.stamp_us) session->glove_moved_ns = frame->stamp_ns;
+  session->glove = msg;
+  session->glove_time_ns = measured_at(session, frame, now_ns, msg.age_us);
+  session->glove_seen = session->sample.glove_new = true;
+  return GV_FCU_OK;
+}
+
+static gv_fcu_error take_pose(gv_session *session, const gv_frame *frame, int64_t now_ns) {
+  gv_pose_msg msg;
+  gv_fcu_error error = gv_fcu_unpack_pose(frame, &msg);
+  if (error || !accept_counter(&session->frames, &session->pose_stream, msg.counter)) return error;
+  // Beyond 100 m the engine refuses the pose: taking it as fresh here would let a force go on from an old one.
+  if (!(msg.flags & GV_POSE_VALID) || (msg.flags & GV_POSE_TRACKER_ERROR) || gv_norm(msg.T_world_receiver.p) > farthest_m) {
+    session->frames.unusable++;
+  } else if (msg.receiver == GV_RECEIVER_HEAD) {
+    session->head = msg;
+    session->head_seen = true;
+  } else if (msg.receiver == GV_RECEIVER_HAND) {
+    if (!session->hand_seen || msg.stamp_us != session->hand.stamp_us) session->hand_moved_ns = frame->stamp_ns;
+    session->hand = msg;
+    session->hand_time_ns = measured_at(session, frame, now_ns, msg.age_us);
+    session->hand_seen = session->sample.pose_new = true;
+  }
+  return GV_FCU_OK;
+}
+
+static gv_fcu_error take_status(gv_session *session, const gv_frame *frame) {
+  gv_status_msg msg;
+  gv_fcu_error error = gv_fcu_unpack_status(frame, &msg);
+  if (error || !accept_counter(&session->frames, &session->status_stream, msg.counter)) return error;
+  session->status = msg;
+  session->status_seen = true;
+  return GV_FCU_OK;
+}
+
+static void take_frame(gv_session *session, const gv_frame *frame, int64_t now_ns) {
+  gv_fcu_error error = GV_FCU_OK;
+  session->frames.rx++;
+  switch (frame->id) {
+    case GV_ID_GLOVE: error = take_glove(session, frame, now_ns); break;
+    case GV_ID_POSE: error = take_pose(session, frame, now_ns); break;
+    case GV_ID_STATUS: error = take_status(session, frame); break;
+    default: session->frames.foreign++;
+  }
+  if (error) {
+    session->frames.bad++;
+    session->frames.errors++;
+  }
+}
+
+static void fill_sample(gv_session *session) {
+  for (int i = 0; i < GV_SENSORS; i++) session->sample.raw[i] = session->glove.raw[i];
+  session->sample.T_world_receiver = session->hand.T_world_receiver;
+}
+
+static bool all_finite(const double value[GV_FINGERS]) {
+  for (int i = 0; i < GV_FINGERS; i++)
+    if (!isfinite(value[i])) return false;
+  return true;
+}
+
+static double largest(const double value[GV_FINGERS]) {
+  double max = 0.0;
+  for (int i = 0; i < GV_FINGERS; i++) max = fmax(max, value[i]);
+  return max;
+}
+
+// Age of the newest sample. A device that repeats one measurement with its stamp, however fresh its frames, is as
+// old as that stamp; since the clocks of some devices tick only every 32 ms, twice the largest age is let pass.
+static double age_s(const gv_session *session, bool seen, int64_t time_ns, int64_t moved_ns, int64_t now_ns) {
+  if (!seen) return HUGE_VAL;
+  const double age = (double)(now_ns - time_ns) * 1e-9, standing = (double)(now_ns - moved_ns) * 1e-9;
+  return standing > 2.0 * session->cfg.safety.max_age_s ? fmax(age, standing) : age;
+}
+
+// A step that came late is one overrun however late it came: a shared machine stalls for 10 to 30 ms now and
+// then, and the device's watchdog has let go of the force by then. A stall beyond the largest age of a sample
+// is a fault at once: nobody knows where the hand was meanwhile, and frames that waited in a socket look fresh.
+static unsigned count_overruns(const gv_session *session, unsigned periods_skipped) {
+  const double pause_s = fmax(periods_skipped * session->cfg.period_s, session->pause_s);
+  if (pause_s > session->cfg.safety.max_age_s) return session->cfg.safety.overrun_limit + 1;
+  return periods_skipped > 0 ? 1 : 0;
+}
+
+static void step_safety(gv_session *session, unsigned frame_errors, unsigned periods_skipped) {
+  const bool glove_held = session->glove_seen && (session->glove.flags & GV_GLOVE_DEAD_MAN);
+  const bool device_held = !session->status_seen || (session->status.flags & GV_STATUS_DEAD_MAN);
+  const bool held = glove_held && device_held;
+  session->disarmed = session->disarmed && held;
+  const gv_safety_input in = {
+    .glove_seen = session->glove_seen, .tracker_seen = session->hand_seen,
+    .glove_age_s = session->glove_age_s, .tracker_age_s = session->hand_age_s,
+    .dead_man = held && !session->disarmed,
+    .finite = all_finite(session->result.tension_n),
+    .device_fault = session->status_seen && (session->status.flags & GV_STATUS_FAULT),
+    .bad_frames = frame_errors, .overruns = count_overruns(session, periods_skipped),
+    .desired_max_n = largest(session->result.tension_n),
+  };
+  gv_safety_step(&session->safety, &in, session->cfg.period_s);
+  session->faults_seen |= session->safety.faults;
+}
+
+static uint32_t age_us(double seconds) { return seconds < 0.65 ? (uint32_t)fmax(0.0, seconds * 1e6) : 655350u; }
+
+// Limits the desired forces and packs what is left of them: the one way of a force out of the daemon.
+static void send_force(gv_session *session, const double desired_n[GV_FINGERS], gv_frame *out_command) {
+  const bool enabled = gv_safety_lets_force_out(&session->safety);
+  const double age = fmax(session->glove_age_s, session->hand_age_s);
+  session->limiter_flags = gv_limiter_step(&session->limiter, desired_n, enabled, age, session->cfg.period_s,
+                                           session->force_n);
+  gv_command_msg *msg = &session->command;
+  // While a fault ramps down the device stays enabled: switching off at full force would be a jerk.
+  const int enable = enabled || largest(session->force_n) > 0.0 ? GV_COMMAND_ENABLE : 0;
+  const int ending = session->safety.state == GV_SAFETY_STOPPED ? GV_COMMAND_ENDING : 0;
+  *msg = (gv_command_msg){.counter = session->command_counter++, .flags = (uint8_t)(enable | ending),
+                          .sample_stamp_us = session->glove.stamp_us, .age_us = age_us(session->glove_age_s),
+                          .frames_taken = (uint16_t)(session->frames.rx - session->frames.foreign)};
+  memcpy(msg->tension_n, session->force_n, sizeof msg->tension_n);
+  for (int i = 0; i < GV_FINGERS; i++) session->force_max_n[i] = fmax(session->force_max_n[i], session->force_n[i]);
+  gv_fcu_pack_command(msg, out_command);
+  session->frames.tx++;
+}
+
+static void update_ages(gv_session *session, int64_t now_ns) {
+  session->glove_age_s = age_s(session, session->glove_seen, session->glove_time_ns, session->glove_moved_ns, now_ns);
+  session->hand_age_s = age_s(session, session->hand_seen, session->hand_time_ns, session->hand_moved_ns, now_ns);
+}
+
+// After a pause in which the device let go by itself, forces start from none: going on at the old one, and be it on
+// the ramp down, would pull once more.
+static void forget_force_after_pause(gv_session *session) {
+  if (session->pause_s >= fmax(GV_DEVICE_WATCHDOG_S, 1.5 * session->cfg.period_s))
+    memset(session->limiter.out_n, 0, sizeof session->limiter.out_n);
+}
+
+void gv_session_step(gv_session *session, int64_t now_ns, const gv_frame *frame, int count,
+                     unsigned periods_skipped, gv_frame *out_command) {
+  const uint64_t errors_before = session->frames.errors;
+  session->pause_s = gv_engine_counters(session->engine)->steps ? (double)(now_ns - session->stepped_ns) * 1e-9 : 0.0;
+  session->stepped_ns = now_ns;
+  session->sample.glove_new = session->sample.pose_new = false;
+  for (int i = 0; i < count; i++) take_frame(session, &frame[i], now_ns);
+  fill_sample(session);
+  update_ages(session, now_ns);
+  gv_engine_step(session->engine, &session->sample, &session->result);
+  step_safety(session, (unsigned)(session->frames.errors - errors_before), periods_skipped);
+  forget_force_after_pause(session);
+  send_force(session, session->result.tension_n, out_command);
+}
+
+static gv_coupling scaled(gv_coupling c, double factor) {
+  const double root = sqrt(factor);
+  // Damping below 0 means critical, and stays.
+  return (gv_coupling){c.k_f * factor, c.d_f < 0.0 ? c.d_f : c.d_f * root, c.k_t * factor, c.d_t < 0.0 ? c.d_t : c.d_t * root};
+}
+
+static bool force_may_flow(const gv_session *session) {
+  return gv_safety_lets_force_out(&session->safety) || largest(session->force_n) > 0.0;
+}
+
+bool gv_session_request(gv_session *session, const gv_request *request) {
+  gv_engine *engine = session->engine;
+  const gv_config *cfg = gv_engine_config(engine);
+  switch (request->kind) {
+    case GV_REQUEST_RESET:
+      if (force_may_flow(session)) return false;
+      gv_engine_reset(engine);
+      return true;
+    case GV_REQUEST_COUPLING: {
+      const gv_coupling limb = scaled(session->limb_configured, request->value), palm = scaled(session->palm_configured, request->value);
+      return gv_engine_adjust(engine, &limb, &palm, cfg->mu_hand) == 0;
+    }
+    case GV_REQUEST_FRICTION: return gv_engine_adjust(engine, &cfg->limb, &cfg->palm, request->value) == 0;
+    case GV_REQUEST_DISARM: session->disarmed = true; return true;
+    case GV_REQUEST_SCENE: return !force_may_flow(session);
+    case GV_REQUEST_START_LOG: case GV_REQUEST_STOP_LOG: case GV_REQUEST_TRACE: case GV_REQUEST_KINDS: break;
+  }
+  return false;
+}
+
+bool gv_session_stop(gv_session *session, int64_t now_ns, gv_frame *out_command) {
+  static const double no_force[GV_FINGERS];
+  const gv_safety_input in = {.stop = true, .finite = true};
+  update_ages(session, now_ns);
+  gv_safety_step(&session->safety, &in, session->cfg.period_s);
+  send_force(session, no_force, out_command);
+  return largest(session->force_n) <= 0.0;
+}

@@ -1,0 +1,98 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// One period of the daemon without clock or descriptor: device frames in, one force command out. The
+// real-time loop and the replay tests run the same code.
+//
+// What the engine gets depends on the frames alone (their order, counters and payload). Ages, stamps and
+// now_ns decide only whether and how much force leaves.
+#ifndef GLOVED_PROCESS_SESSION_H
+#define GLOVED_PROCESS_SESSION_H
+
+#include "gloved/engine.h"
+#include "gloved/fcu.h"
+#include "gloved/force.h"
+#include "gloved/safety.h"
+#include "daemon/loop/request.h"
+
+enum {
+  GV_RECEIVER_HEAD = 1, GV_RECEIVER_HAND = 2, // POSE.receiver
+  // An older counter is dropped; after so many in a row the device has restarted, and counting starts anew.
+  GV_SESSION_RESYNC = 16
+};
+
+// A device lets go when no command came for so long.
+#define GV_DEVICE_WATCHDOG_S 0.005
+
+typedef struct gv_session_config {
+  gv_limiter_config limiter;
+  gv_safety_config safety;
+  gv_side side;      // a glove for the other hand is not used
+  double period_s;   // of one gv_session_step
+} gv_session_config;
+
+// Since the start; they never go back.
+typedef struct gv_frame_counters {
+  uint64_t rx;       // frames taken from the driver
+  uint64_t tx;       // commands handed to the driver
+  uint64_t lost;     // gaps in the counters, all ids together
+  uint64_t bad;      // wrong length, checksum or value: dropped
+  uint64_t late;     // doubled or overtaken (older counter): dropped; and samples older than max_age_s on arrival
+  uint64_t unusable; // sound frames without a measurement: sensor fault, other hand, tracker error
+  uint64_t foreign;  // ids that are not ours
+  uint64_t errors;   // checksum and counter errors as events (a gap of any length is one): what the safety machine counts
+} gv_frame_counters;
+
+// Counter of one id on the wire.
+typedef struct gv_stream { bool seen; uint8_t counter; unsigned refused_in_row; } gv_stream;
+
+typedef struct gv_session {
+  gv_session_config cfg;
+  gv_engine *engine;
+  uint64_t steps_before;   // of the engines before this one
+  gv_safety safety;
+  gv_limiter limiter;
+  gv_frame_counters frames;
+  gv_stream glove_stream, pose_stream, status_stream;
+  // Newest good message of each kind, and the time (now_ns) of its measurement.
+  gv_glove_msg glove;
+  gv_pose_msg hand, head;
+  gv_status_msg status;
+  bool glove_seen, hand_seen, head_seen, status_seen;
+  int64_t glove_time_ns, hand_time_ns;
+  int64_t stepped_ns;      // now_ns of the last step
+  double pause_s;          // between the last two steps; 0 before the second
+  int64_t glove_moved_ns, hand_moved_ns; // arrival of the first sample with the present stamp
+  bool other_hand;         // a glove of the other hand was seen
+  bool disarmed;           // by request: the dead-man switch counts as open until it really is
+  gv_sample sample;        // what the engine got last
+  gv_step_result result;   // what it answered
+  double glove_age_s, hand_age_s; // at the last step; infinite before the first sample
+  double force_n[GV_FINGERS];     // what left through the limiter
+  double force_max_n[GV_FINGERS]; // largest so far
+  unsigned limiter_flags;  // of the last step (gv_limiter_flag)
+  uint32_t faults_seen;    // every gv_fault bit so far
+  gv_coupling limb_configured, palm_configured;
+  uint8_t command_counter;
+  gv_command_msg command;  // last one sent
+} gv_session;
+
+void gv_session_init(gv_session *session, const gv_session_config *cfg, gv_engine *engine);
+
+// Goes on with another engine (another scene): counters, streams and the largest forces stay; devices are waited for
+// anew, and the dead-man switch must be let go before it can arm.
+// steps_before: gv_session_steps with the engine before.
+void gv_session_change_engine(gv_session *session, gv_engine *engine, uint64_t steps_before);
+// Steps of all engines so far.
+int64_t gv_session_steps(const gv_session *session);
+
+// One period at now_ns with the frames that came since the last one, and the number of periods that the
+// loop had to skip before it. Always writes the command. Cost: the engine's step and below 2 us.
+void gv_session_step(gv_session *session, int64_t now_ns, const gv_frame *frame, int count,
+                     unsigned periods_skipped, gv_frame *out_command);
+
+// Reset, scene (whether it may be changed now: the caller does it), coupling, friction or disarm, between two steps. False: not now (a force may flow), nothing has changed.
+bool gv_session_request(gv_session *session, const gv_request *request);
+
+// One period of ending: no engine step, forces ramp to zero. Returns true when the command carries none any more.
+bool gv_session_stop(gv_session *session, int64_t now_ns, gv_frame *out_command);
+
+#endif

@@ -1,0 +1,254 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// gloved, from the command line to the exit code. Set-up reads everything and takes all memory; then two
+// threads run until the end: the real-time loop (loop.c: frames in, engine step, forces out) and this one,
+// the slow one (slow.c: LCM, log, view); then the summary is written. For another scene by command the loop ends,
+// and a new one goes on with the same devices. Start reading here, then loop.c, session.c, and src/engine/engine.c.
+#include <signal.h>
+#include <stdio.h>
+#include <string.h>
+#include <unistd.h>
+
+#include "daemon/load/devices.h"
+#include "daemon/options.h"
+#include "daemon/tell/slow.h"
+#include "daemon/tell/summary.h"
+#include "daemon/world.h"
+
+#define GV_VERSION "0.1.0"
+
+enum { OK = 0, FAULT = 1, BAD_INPUT = 2, ERROR_TEXT = 512, GIVE_UP_S = 2 };
+
+typedef struct program {
+  gv_options options;
+  gv_settings settings;
+  gv_world world;
+  gv_world next;             // the scene that a command asked for, without an engine; no memory: none
+  gv_driver driver;
+  gv_pace pace;
+  gv_telemetry *telemetry;
+  gv_recorder recorder;
+  FILE *summary_file;        // null: not asked for
+  gv_session session;
+  gv_loop loop;
+  gv_view view;
+  char err[ERROR_TEXT];
+} program;
+
+static atomic_bool stop_requested, give_up;
+
+static void on_signal(int number) {
+  (void)number;
+  atomic_store(&stop_requested, true);
+  alarm(GIVE_UP_S);
+}
+
+// The loop has ended or is about to, and the slow thread may hang in a send that nobody takes: two seconds later
+// the signal itself breaks that off, and nothing more is sent.
+static void on_alarm(int number) {
+  (void)number;
+  atomic_store(&give_up, true);
+  alarm(1);
+}
+
+static void catch_signals(void) {
+  struct sigaction action;
+  memset(&action, 0, sizeof action);
+  action.sa_handler = on_signal;
+  sigaction(SIGINT, &action, NULL);
+  sigaction(SIGTERM, &action, NULL);
+  sigaction(SIGHUP, &action, NULL);
+  action.sa_handler = on_alarm;
+  sigaction(SIGALRM, &action, NULL);
+  signal(SIGPIPE, SIG_IGN);  // a reader of our output that goes away must not end a running force loop
+}
+
+// ---- set-up: 0, or negative with one line in p->err ---------------------------------------------------
+
+static int open_world(program *p) {
+  if (gv_world_load(&p->world, p->settings.scene, &p->settings.engine, p->err, sizeof p->err)) return -1;
+  if (gv_world_start(&p->world, &p->settings.engine) == 0) return 0;
+  snprintf(p->err, sizeof p->err, "%s: the engine does not start; use a smaller scene", p->settings.scene);
+  return -1;
+}
+
+// Called in this thread while the loop runs. Null, or the reason, valid until the next call.
+static const char *load_scene(void *user, const char *file) {
+  program *p = user;
+  if (p->pace == GV_PACE_FREE || strncmp(p->settings.fcu, "trace:", 6) == 0 || p->recorder.file)
+    return "a recording is of one scene; start gloved with --scene";
+  gv_world_close(&p->next);  // what the loop refused last time
+  return gv_world_load(&p->next, file, &p->settings.engine, p->err, sizeof p->err) ? p->err : NULL;
+}
+
+// Where nobody asked for a certain LCM, a machine without multicast is told so, and the hand works all the same.
+static int open_telemetry(program *p) {
+  gv_settings defaults;
+  gv_settings_default(&defaults);
+  const bool required = p->options.lcm || strcmp(p->settings.lcm, defaults.lcm) != 0;
+  const gv_telemetry_config telemetry = {.lcm_url = p->settings.lcm, .lcm_required = required, .log_path = p->options.log,
+                                         .scene = &p->world.scene, .hand = &p->settings.engine.hand, .arena = &p->world.arena,
+                                         .load_scene = load_scene, .user = p, .give_up = &give_up};
+  p->telemetry = gv_telemetry_open(&telemetry, p->err, sizeof p->err);
+  if (p->telemetry && p->err[0]) fprintf(stderr, "gloved: going on without LCM: %s\n", p->err);
+  return p->telemetry ? 0 : -1;
+}
+
+static int open_summary(program *p) {
+  if (!p->options.summary || p->options.check) return 0;
+  p->summary_file = fopen(p->options.summary, "w");
+  if (p->summary_file) return 0;
+  snprintf(p->err, sizeof p->err, "%s: cannot be written; choose another place for --summary", p->options.summary);
+  return -1;
+}
+
+static int open_recorder(program *p) {
+  if (!p->options.record || p->options.check) return 0;
+  return gv_recorder_open(&p->recorder, p->options.record, p->settings.fcu, p->err, sizeof p->err);
+}
+
+// The limiter never asks for more than the device takes.
+static void fit_limiter(program *p) {
+  const gv_channel *channel = gv_fcu_channel(p->settings.fcu);
+  if (!gv_channel_limit(channel, &p->settings.limiter)) return;
+  fprintf(stderr, "gloved: limiter set to what a %s takes: %g N, at least %g N, %g N/s\n", channel->device,
+          p->settings.limiter.max_n, p->settings.limiter.pretension_n, p->settings.limiter.slew_n_per_s);
+}
+
+static int set_up(program *p) {
+  if (gv_options_settings(&p->options, &p->settings, p->err, sizeof p->err)) return -1;
+  fit_limiter(p);
+  if (open_world(p)) return -1;
+  if (gv_device_open(&p->settings, &p->driver, &p->pace, p->err, sizeof p->err)) return -1;
+  if (p->err[0]) fprintf(stderr, "gloved: %s\n", p->err);
+  if (open_telemetry(p) || open_recorder(p)) return -1;
+  return open_summary(p);
+}
+
+// ---- run ------------------------------------------------------------------------------------------------
+
+static void start_loop(program *p) {
+  const gv_settings *settings = &p->settings;
+  const gv_session_config session = {.limiter = settings->limiter, .safety = settings->safety,
+                                     .side = settings->engine.hand.side, .period_s = 1.0 / settings->rate_hz};
+  const gv_realtime_config none = {.cpu = GV_CPU_ANY};
+  const gv_realtime_config realtime = {.priority = settings->rt_priority, .lock_memory = settings->mlock, .cpu = settings->cpu};
+  const gv_loop_config loop = {
+    .period_ns = (int64_t)(1e9 / settings->rate_hz + 0.5),
+    .periods_max = (int64_t)(p->options.duration_s * settings->rate_hz + 0.5),
+    .pace = p->pace,
+    .alarm_s = GIVE_UP_S,
+    .record = p->recorder.file != NULL,
+    .realtime = p->pace == GV_PACE_FREE ? none : realtime,
+  };
+  gv_session_init(&p->session, &session, p->world.engine);
+  gv_loop_init(&p->loop, &loop, &p->session, &p->driver, p->world.scene.object_count, &stop_requested);
+  gv_telemetry_attach(p->telemetry, &p->loop);
+}
+
+// Between two loops: the new scene's engine in the place of the old one. 0, or negative with no engine left.
+static int change_scene(program *p) {
+  const uint64_t steps = (uint64_t)gv_session_steps(&p->session);
+  gv_world_close(&p->world);
+  p->world = p->next;
+  p->next = (gv_world){0};
+  if (gv_world_start(&p->world, &p->settings.engine)) return -1;
+  gv_session_change_engine(&p->session, p->world.engine, steps);
+  gv_loop_change_scene(&p->loop, p->world.scene.object_count);
+  gv_telemetry_change_scene(p->telemetry);
+  gv_view_change_scene(&p->view);
+  return 0;
+}
+
+// 0 when it has ended, negative where it does not start.
+static int run_loop(program *p) {
+  if (gv_loop_start(&p->loop) != 0) return -1;
+  gv_slow_run(&p->loop, p->telemetry, &p->recorder, &p->view);
+  gv_loop_join(&p->loop);
+  return 0;
+}
+
+static int run(program *p) {
+  start_loop(p);
+  catch_signals();
+  gv_view_open(&p->view, p->settings.fcu, &p->world.scene, p->settings.limiter.max_n, p->pace == GV_PACE_FREE);
+  int failed;
+  do {
+    failed = run_loop(p);
+  } while (!failed && atomic_load(&p->loop.exit) == GV_EXIT_SCENE && (failed = change_scene(p)) == 0);
+  alarm(0);
+  gv_view_close(&p->view);
+  if (!failed) return OK;
+  fprintf(stderr, "gloved: the %s does not start; close other programs\n", p->world.engine ? "real-time thread" : "new scene's engine");
+  return BAD_INPUT;
+}
+
+static int report(program *p) {
+  const bool fault = p->loop.state_before_stop == GV_SAFETY_FAULT;
+  const gv_summary summary = {.loop = &p->loop, .scene = &p->world.scene, .arena = &p->world.arena, .title = p->settings.fcu,
+                              .reason = fault ? GV_EXIT_FAULT : (gv_exit)atomic_load(&p->loop.exit),
+                              .telemetry_failed = gv_telemetry_failed(p->telemetry),
+                              .driver = p->driver.stats(p->driver.self)};
+  gv_summary_print(&summary, stdout);
+  if (fault) fprintf(stderr, "gloved: fault: %s; forces were brought to zero\n", gv_fault_text(p->loop.faults_before_stop));
+  if (!p->summary_file) return fault ? FAULT : OK;
+  const bool written = gv_summary_json(&summary, p->summary_file) == 0;
+  if (fclose(p->summary_file) == 0 && written) return fault ? FAULT : OK;
+  fprintf(stderr, "gloved: %s: not written; make room on the disk\n", p->options.summary);
+  return fault ? FAULT : BAD_INPUT;
+}
+
+static void say_what_was_found(const program *p) {
+  const char *const pace[] = {"live", "in real time", "as fast as possible"};
+  printf("settings   %s; %g Hz, step %g ms\n", p->options.config ? p->options.config : "defaults", p->settings.rate_hz,
+         p->settings.engine.step_s * 1e3);
+  printf("scene      %s; %d objects, %d pieces, %d triangles\n", p->settings.scene, p->world.scene.object_count,
+         p->world.scene.piece_count, p->world.scene.triangle_count);
+  printf("fcu        %s; %s", p->settings.fcu, pace[p->pace]);
+  if (strncmp(p->settings.fcu, "trace:", 6) == 0) printf(", %.3f s long", (double)gv_trace_length_ns(&p->driver) * 1e-9);
+  putchar('\n');
+  if (*p->settings.tracker) printf("tracker    %s\n", p->settings.tracker);
+  printf("lcm        %s\n", p->settings.lcm);
+  printf("memory     %.1f MB for scene and engine\n", (double)p->world.arena.used / 1e6);
+  printf("all sound\n");
+}
+
+// 0, or negative where frames are missing in the recording.
+static int close_recorder(program *p) {
+  const uint64_t dropped = gv_ring_dropped(&p->loop.frames);
+  const bool recording = p->recorder.file != NULL;
+  if (gv_recorder_close(&p->recorder) == 0 && dropped == 0) return 0;
+  if (recording) fprintf(stderr, "gloved: %s: %s; make room on a faster disk\n", p->options.record,
+                         dropped ? "frames are missing" : "not written");
+  return -1;
+}
+
+static void tear_down(program *p) {
+  if (p->telemetry) gv_telemetry_close(p->telemetry);
+  if (p->driver.close) p->driver.close(p->driver.self);
+  gv_world_close(&p->next);
+  gv_world_close(&p->world);
+}
+
+int main(int argc, char **argv) {
+  static program p;          // 4 MB
+  int code = BAD_INPUT;
+  if (gv_options_parse(argc, argv, &p.options, p.err, sizeof p.err)) {
+    fprintf(stderr, "gloved: %s\n", p.err);
+    return BAD_INPUT;
+  }
+  if (p.options.help || p.options.version) {
+    fputs(p.options.help ? gv_options_help() : "gloved " GV_VERSION "\n", stdout);
+    return OK;
+  }
+  if (set_up(&p)) {
+    fprintf(stderr, "gloved: %s\n", p.err);
+  } else if (p.options.check) {
+    say_what_was_found(&p);
+    code = OK;
+  } else if ((code = run(&p)) == OK) {
+    code = report(&p);
+    if (close_recorder(&p) && code == OK) code = BAD_INPUT;
+  }
+  tear_down(&p);
+  return code;
+}

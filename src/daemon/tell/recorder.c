@@ -1,0 +1,46 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// Writes the recording: frames from the loop's ring to lines of text. Slow thread.
+#include "daemon/tell/recorder.h"
+
+#include <errno.h>
+#include <string.h>
+#include <time.h>
+
+#include "gloved/drivers.h"
+
+int gv_recorder_open(gv_recorder *recorder, const char *path, const char *fcu, char *err, size_t err_size) {
+  struct timespec now;
+  *recorder = (gv_recorder){.path = path, .file = fopen(path, "w")};
+  if (!recorder->file) {
+    snprintf(err, err_size, "%s: cannot be written (%s); choose another place for --record", path, strerror(errno));
+    return -1;
+  }
+  const bool can = strncmp(fcu, "can:", 4) == 0;
+  snprintf(recorder->iface, sizeof recorder->iface, "%.15s", can ? fcu + 4 : "can0");
+  clock_gettime(CLOCK_REALTIME, &now);
+  recorder->start_ns = ((int64_t)now.tv_sec * 1000000 + now.tv_nsec / 1000) * 1000;
+  return 0;
+}
+
+void gv_recorder_drain(gv_recorder *recorder, gv_ring *frames) {
+  const gv_frame *recorded;
+  char line[GV_LOG_LINE_MAX + 1];
+  bool wrote = false;
+  while ((recorded = gv_ring_peek(frames))) {
+    gv_frame frame = *recorded;
+    gv_ring_release(frames);
+    frame.stamp_ns += recorder->start_ns;
+    const size_t length = (size_t)gv_log_format(&frame, recorder->iface, line);
+    wrote = true;
+    if (recorder->failed || fwrite(line, 1, length, recorder->file) == length) continue;
+    recorder->failed = true;
+  }
+  if (wrote && !recorder->failed && fflush(recorder->file) != 0) recorder->failed = true;
+}
+
+int gv_recorder_close(gv_recorder *recorder) {
+  if (!recorder->file) return 0;
+  const bool closed = fclose(recorder->file) == 0;
+  recorder->file = NULL;
+  return closed && !recorder->failed ? 0 : -1;
+}

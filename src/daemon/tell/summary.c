@@ -1,0 +1,144 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// The summary of a run as JSON and as words, from session, engine, loop and driver. Slow thread, after the
+// loop has ended. Numbers are finite by construction (JSON has no not-a-number); one that is not is null.
+#include "daemon/tell/summary.h"
+
+#include <inttypes.h>
+#include <math.h>
+
+static void put_number(FILE *out, double value) {
+  if (isfinite(value)) fprintf(out, "%.17g", value);
+  else fputs("null", out);
+}
+
+static void put_numbers(FILE *out, const double *value, int count) {
+  fputc('[', out);
+  for (int i = 0; i < count; i++) {
+    if (i) fputs(", ", out);
+    put_number(out, value[i]);
+  }
+  fputc(']', out);
+}
+
+static void put_text(FILE *out, const char *text) {
+  fputc('"', out);
+  for (; *text; text++) {
+    if ((unsigned char)*text < 0x20) fprintf(out, "\\u%04x", (unsigned)*text);
+    else if (*text == '"' || *text == '\\') fprintf(out, "\\%c", *text);
+    else fputc(*text, out);
+  }
+  fputc('"', out);
+}
+
+static void put_quantiles(FILE *out, const char *key, const gv_histogram *histogram) {
+  const gv_quantiles q = gv_histogram_quantiles(histogram);
+  fprintf(out, "  \"%s\": {\"p50\": %.3f, \"p99\": %.3f, \"p999\": %.3f, \"max\": %.3f},\n", key, q.p50_us, q.p99_us,
+          q.p999_us, q.max_us);
+}
+
+static void put_engine(FILE *out, const gv_session *session) {
+  const gv_counters *c = gv_engine_counters(session->engine);
+  fprintf(out, "  \"steps\": %" PRId64 ",\n  \"state_hash\": \"%016" PRIx64 "\",\n", gv_session_steps(session), gv_engine_hash(session->engine));
+  fprintf(out, "  \"contacts_max\": %" PRIu32 ",\n  \"contacts_dropped\": %" PRIu64 ",\n", c->contacts_max, c->contacts_dropped);
+  fputs("  \"depth_max_m\": ", out);
+  put_number(out, c->depth_max_m);
+  fputs(",\n  \"force_max_n\": ", out);
+  put_numbers(out, session->force_max_n, GV_FINGERS);
+  fprintf(out, ",\n  \"samples\": %" PRIu64 ",\n  \"samples_refused\": %" PRIu64 ",\n  \"angles_limited\": %" PRIu64 ",\n  \"body_resets\": %" PRIu64
+          ",\n  \"pairs_dropped\": %" PRIu64 ",\n  \"overlaps\": %" PRIu64 ",\n  \"quicksteps\": %" PRIu64
+          ",\n  \"direct_steps\": %" PRIu64 ",\n  \"solver_errors\": %" PRIu64 ",\n",
+          c->samples, c->samples_refused, c->angles_limited, c->body_resets, c->pairs_dropped, c->overlaps, c->quicksteps, c->direct_steps, c->solver_errors);
+}
+
+static void put_loop(FILE *out, const gv_loop *loop) {
+  fprintf(out, "  \"missed_deadlines\": %" PRIu64 ",\n  \"overruns\": %" PRIu64 ",\n", loop->missed_deadlines, loop->overruns);
+  put_quantiles(out, "step_us", &loop->step);
+  put_quantiles(out, "wake_us", &loop->wake);
+  fprintf(out, "  \"rt_heap_calls\": %" PRIu64 ",\n  \"rt_page_faults\": {\"major\": %" PRId64 ", \"minor\": %" PRId64 "},\n",
+          loop->heap_calls, loop->page_faults.major, loop->page_faults.minor);
+}
+
+static void put_telemetry(FILE *out, const gv_summary *s) {
+  fprintf(out, "  \"snapshots_dropped\": %" PRIu64 ",\n  \"telemetry_failed\": %" PRIu64 ",\n",
+          gv_ring_dropped(&s->loop->snapshots), s->telemetry_failed);
+}
+
+static void put_frames(FILE *out, const gv_frame_counters *f, const gv_driver_stats *d) {
+  fprintf(out, "  \"frames\": {\"rx\": %" PRIu64 ", \"tx\": %" PRIu64 ", \"lost\": %" PRIu64 ", \"bad\": %" PRIu64
+          ", \"late\": %" PRIu64 ", \"unusable\": %" PRIu64 ", \"foreign\": %" PRIu64 ", \"tx_failed\": %" PRIu64
+          ", \"overflow\": %" PRIu64 ", \"bus_errors\": %" PRIu64 ", \"link_downs\": %" PRIu64 "},\n",
+          f->rx, f->tx, f->lost, f->bad + d->bad, f->late, f->unusable, f->foreign + d->foreign, d->tx_failed,
+          d->lost, d->bus_errors, d->link_downs);
+}
+
+static void put_objects(FILE *out, const gv_session *session, const gv_scene *scene) {
+  fputs("  \"objects\": [", out);
+  for (int i = 0; i < scene->object_count; i++) {
+    const gv_object *object = &scene->object[i];
+    const gv_pose T = gv_snapshot_object_pose(object, gv_engine_object_pose(session->engine, i));
+    fputs(i ? ",\n    {\"name\": " : "\n    {\"name\": ", out);
+    put_text(out, object->name);
+    fputs(", \"position\": ", out);
+    put_numbers(out, &(const double[]){T.p.x, T.p.y, T.p.z}[0], 3);
+    fputs(", \"quaternion\": ", out);
+    put_numbers(out, &(const double[]){T.q.w, T.q.x, T.q.y, T.q.z}[0], 4);
+    fprintf(out, ", \"static\": %s}", object->is_static ? "true" : "false");
+  }
+  fputs(scene->object_count ? "\n  ],\n" : "],\n", out);
+}
+
+int gv_summary_json(const gv_summary *s, FILE *out) {
+  const gv_session *session = s->loop->session;
+  fputs("{\n  \"exit_reason\": ", out);
+  put_text(out, gv_exit_name(s->reason));
+  fputs(",\n  \"state\": ", out);
+  put_text(out, gv_safety_name(s->loop->state_before_stop));
+  fputs(",\n  \"faults\": ", out);
+  put_text(out, gv_fault_text(session->faults_seen));
+  fputs(",\n  \"period_s\": ", out);
+  put_number(out, session->cfg.period_s);
+  fputs(",\n", out);
+  put_engine(out, session);
+  put_loop(out, s->loop);
+  put_telemetry(out, s);
+  put_frames(out, &session->frames, &s->driver);
+  put_objects(out, session, s->scene);
+  fputs("  \"force_final_n\": ", out);
+  put_numbers(out, session->force_n, GV_FINGERS);
+  fprintf(out, ",\n  \"memory\": {\"used\": %zu, \"peak\": %zu, \"size\": %zu}\n}\n", s->arena->used, s->arena->peak, s->arena->size);
+  return ferror(out) ? -1 : 0;
+}
+
+static void print_objects(const gv_summary *s, FILE *out) {
+  for (int i = 0; i < s->scene->object_count; i++) {
+    const gv_object *object = &s->scene->object[i];
+    if (object->is_static) continue;
+    const gv_pose T = gv_snapshot_object_pose(object, gv_engine_object_pose(s->loop->session->engine, i));
+    const gv_pose T_start = gv_snapshot_object_pose(object, object->T_world_body);
+    fprintf(out, "  %s ends at %.1f %.1f %.1f mm, %.1f mm above its start\n", object->name, T.p.x * 1e3, T.p.y * 1e3,
+            T.p.z * 1e3, (T.p.z - T_start.p.z) * 1e3);
+  }
+}
+
+void gv_summary_print(const gv_summary *s, FILE *out) {
+  const gv_loop *loop = s->loop;
+  const gv_session *session = loop->session;
+  const gv_counters *c = gv_engine_counters(session->engine);
+  const gv_quantiles step = gv_histogram_quantiles(&loop->step), wake = gv_histogram_quantiles(&loop->wake);
+  fprintf(out, "gloved: %s: %" PRId64 " steps of %g ms; ended (%s) with the safety machine in %s%s%s\n", s->title, gv_session_steps(session),
+          session->cfg.period_s * 1e3, gv_exit_name(s->reason), gv_safety_name(loop->state_before_stop),
+          session->faults_seen ? "; faults on the way: " : "", session->faults_seen ? gv_fault_text(session->faults_seen) : "");
+  print_objects(s, out);
+  fprintf(out, "  contacts at most %" PRIu32 ", deepest %.3f mm; largest forces %.2f %.2f %.2f %.2f %.2f N\n", c->contacts_max,
+          c->depth_max_m * 1e3, session->force_max_n[0], session->force_max_n[1], session->force_max_n[2],
+          session->force_max_n[3], session->force_max_n[4]);
+  fprintf(out, "  step p50 %.0f p99 %.0f p99.9 %.0f max %.0f us; wake-up p50 %.0f p99 %.0f max %.0f us\n", step.p50_us,
+          step.p99_us, step.p999_us, step.max_us, wake.p50_us, wake.p99_us, wake.max_us);
+  fprintf(out, "  missed deadlines %" PRIu64 ", periods skipped %" PRIu64 "; in the real-time thread %" PRIu64
+          " heap calls, %" PRId64 " page faults\n", loop->missed_deadlines, loop->overruns, loop->heap_calls,
+          loop->page_faults.major + loop->page_faults.minor);
+  fprintf(out, "  frames in %" PRIu64 ", out %" PRIu64 ", lost %" PRIu64 ", bad %" PRIu64 ", late %" PRIu64 "\n",
+          session->frames.rx, session->frames.tx, session->frames.lost, session->frames.bad + s->driver.bad, session->frames.late);
+  if (s->telemetry_failed) fprintf(out, "  %" PRIu64 " messages were refused by LCM or the disk\n", s->telemetry_failed);
+  fprintf(out, "  state hash %016" PRIx64 "\n", gv_engine_hash(session->engine));
+}

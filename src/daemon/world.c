@@ -1,0 +1,48 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// Loads a scene and starts its engine in one block of memory, from the file of --scene or of a command. Main
+// thread: at the start, and beside the running loop (gv_world_load alone) when another scene is asked for.
+#include "daemon/world.h"
+
+#include <stdio.h>
+
+#include "daemon/loop/realtime.h"
+
+// Address space for scene and engine: the largest scene allowed takes 32 MB, its engine less than that
+// again. What the scene at hand does not need is given back.
+static const size_t reserved_size = (size_t)256 << 20;
+
+static int fill(gv_world *world, const char *scene, const gv_config *cfg, char *err, size_t err_size) {
+  if (gv_scene_load(scene, &world->arena, &world->scene, err, err_size)) return -1;
+  world->block_size = gv_engine_size(cfg, &world->scene);
+  world->block = gv_arena_alloc(&world->arena, "engine", world->block_size);
+  if (world->block) return 0;
+  snprintf(err, err_size, "%s: the engine does not start with %zu bytes; use a smaller scene", scene, world->block_size);
+  return -1;
+}
+
+int gv_world_load(gv_world *world, const char *scene, const gv_config *cfg, char *err, size_t err_size) {
+  *world = (gv_world){.memory = gv_realtime_reserve(reserved_size), .memory_size = reserved_size};
+  if (!world->memory) {
+    snprintf(err, err_size, "no memory for scene and engine; close other programs");
+    return -1;
+  }
+  gv_arena_init(&world->arena, world->memory, reserved_size);
+  if (fill(world, scene, cfg, err, err_size)) {
+    gv_world_close(world);
+    return -1;
+  }
+  world->memory_size = gv_realtime_trim(world->memory, reserved_size, world->arena.used);
+  world->arena.size = world->arena.used;
+  return 0;
+}
+
+int gv_world_start(gv_world *world, const gv_config *cfg) {
+  world->engine = gv_engine_init(world->block, world->block_size, cfg, &world->scene);
+  return world->engine ? 0 : -1;
+}
+
+void gv_world_close(gv_world *world) {
+  gv_engine_close(world->engine);
+  if (world->memory) gv_realtime_trim(world->memory, world->memory_size, 0);
+  *world = (gv_world){0};
+}

@@ -1,0 +1,152 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// H = L U by blocks, in the order of elimination: U on and above the diagonal, L (transposed) in the mirror images,
+// where a symmetric matrix has nothing new, since then L = U^T D^-1.
+#include "dynamics/blocks.h"
+
+#include <math.h>
+#include <string.h>
+
+static bool take_block(gv_blocks *b, int i, int k) {
+  if (b->at[i][k]) return true;
+  if (b->used == GV_BLOCKS) b->full = true;
+  if (b->full) return false;
+  b->at[i][k] = b->at[k][i] = (uint16_t)++b->used;
+  if (i != k) b->degree[i]++, b->degree[k]++;
+  return true;
+}
+
+void gv_blocks_begin(gv_blocks *b, int nodes) {
+  b->nodes = nodes;
+  b->used = b->work = 0;
+  b->full = false;
+  memset(b->degree, 0, sizeof b->degree);
+  for (int i = 0; i < nodes; i++) memset(b->at[i], 0, sizeof b->at[i][0] * (size_t)nodes);
+  for (int i = 0; i < nodes; i++) take_block(b, i, i);
+}
+
+void gv_blocks_link(gv_blocks *b, int i, int k) { take_block(b, i, k); }
+
+static int least_degree(const gv_blocks *b, const bool *gone) {
+  int least = 0;
+  for (int i = 1; i < b->nodes; i++)
+    if (!gone[i] && (gone[least] || b->degree[i] < b->degree[least])) least = i;
+  return least;
+}
+
+// What is left after node i has gone: its neighbours are all linked with each other.
+static bool eliminate_node(gv_blocks *b, int i, bool *gone) {
+  uint8_t *later = b->later[i], count = 0;
+  for (int k = 0; k < b->nodes; k++)
+    if (!gone[k] && k != i && b->at[i][k]) later[count++] = (uint8_t)k;
+  b->later_count[i] = count;
+  b->work += (count + 1) * (count + 2) / 2;
+  gone[i] = true;
+  for (int r = 0; r < count; r++) {
+    b->degree[later[r]]--;
+    for (int c = r + 1; c < count; c++)
+      if (!take_block(b, later[r], later[c])) return false;
+  }
+  return true;
+}
+
+bool gv_blocks_order(gv_blocks *b) {
+  if (b->full) return false;
+  bool gone[GV_NODES] = {false};
+  for (int k = 0; k < b->nodes; k++) {
+    int i = least_degree(b, gone);
+    b->order[k] = (uint8_t)i;
+    b->place[i] = (uint8_t)k;
+    if (!eliminate_node(b, i, gone)) return false;
+  }
+  return true;
+}
+
+void gv_blocks_clear(gv_blocks *b, bool symmetric) {
+  memset(b->block, 0, sizeof b->block[0] * (size_t)b->used);
+  if (!symmetric) memset(b->mirror, 0, sizeof b->mirror[0] * (size_t)b->used);
+}
+
+// L U = H in place of H: the diagonal of L is ones, that of U is kept inverted.
+static bool factor(gv_block *H) {
+  for (int r = 0; r < 6; r++) {
+    double *row = H->m[r];
+    for (int k = 0; k < r; k++) {
+      row[k] *= H->m[k][k];
+      for (int c = k + 1; c < 6; c++) row[c] -= row[k] * H->m[k][c];
+    }
+    if (!(fabs(row[r]) > 1e-9)) return false;
+    row[r] = 1.0 / row[r];
+  }
+  return true;
+}
+
+// p = L^-1 p.
+static void divide_by_lower(const gv_block *LU, gv_block *p) {
+  for (int r = 1; r < 6; r++) gv_six_subtract(p->m[r], LU->m[r], 1, p->m, r);
+}
+
+// p = U^-T p, of a block from below the diagonal, which is kept transposed.
+static void divide_by_upper(const gv_block *LU, gv_block *p) {
+  for (int r = 0; r < 6; r++) {
+    gv_six_subtract(p->m[r], &LU->m[0][r], 6, p->m, r);
+    for (int c = 0; c < 6; c++) p->m[r][c] *= LU->m[r][r];
+  }
+}
+
+// out -= p^T q.
+static void subtract_product(gv_block *out, const gv_block *p, gv_block *q) {
+  for (int r = 0; r < 6; r++) gv_six_subtract(out->m[r], &p->m[0][r], 6, q->m, 6);
+}
+
+// L^-1 H_ik for each later neighbour k, and U^-T H_ki^T in the mirror image.
+static void divide(gv_blocks *b, int i, bool symmetric) {
+  const gv_block *LU = gv_blocks_at(b, i, i);
+  for (int n = 0; n < b->later_count[i]; n++) {
+    gv_block *P = gv_blocks_at(b, i, b->later[i][n]), *Q = gv_blocks_mirror(b, i, b->later[i][n]);
+    divide_by_lower(LU, P);
+    if (!symmetric) divide_by_upper(LU, Q);
+    else
+      for (int r = 0; r < 6; r++)
+        for (int c = 0; c < 6; c++) Q->m[r][c] = LU->m[r][r] * P->m[r][c];
+  }
+}
+
+static bool eliminate(gv_blocks *b, int i, bool symmetric, gv_six x[]) {
+  const uint8_t *later = b->later[i];
+  gv_block *LU = gv_blocks_at(b, i, i);
+  if (!factor(LU)) return false;
+  divide(b, i, symmetric);
+  for (int r = 1; r < 6; r++)
+    for (int k = 0; k < r; k++) x[i].m[r] -= LU->m[r][k] * x[i].m[k];
+  for (int n = 0; n < b->later_count[i]; n++) gv_six_subtract(x[later[n]].m, x[i].m, 1, gv_blocks_mirror(b, i, later[n])->m, 6);
+  for (int n = 0; n < b->later_count[i]; n++)
+    for (int m = n; m < b->later_count[i]; m++) {
+      int j = later[n], k = later[m], first = gv_blocks_first(b, j, k), second = j + k - first;
+      subtract_product(gv_blocks_at(b, j, k), gv_blocks_mirror(b, i, first), gv_blocks_at(b, i, second));
+      if (!symmetric && j != k) subtract_product(gv_blocks_mirror(b, j, k), gv_blocks_at(b, i, first), gv_blocks_mirror(b, i, second));
+    }
+  return true;
+}
+
+static void substitute(gv_blocks *b, int i, gv_six x[]) {
+  const gv_block *LU = gv_blocks_at(b, i, i);
+  gv_six own = x[i];
+  for (int n = 0; n < b->later_count[i]; n++) {
+    int j = b->later[i][n];
+    const gv_block *P = gv_blocks_at(b, i, j);
+    for (int k = 0; k < 6; k++)
+      for (int c = 0; c < 6; c++) own.m[k] -= P->m[k][c] * x[j].m[c];
+  }
+  for (int k = 5; k >= 0; k--) {
+    for (int c = k + 1; c < 6; c++) own.m[k] -= LU->m[k][c] * own.m[c];
+    own.m[k] *= LU->m[k][k];
+  }
+  x[i] = own;
+}
+
+bool gv_blocks_solve(gv_blocks *b, bool symmetric, gv_six io_x[]) {
+  for (int k = 0; k < b->nodes; k++)
+    if (!eliminate(b, b->order[k], symmetric, io_x)) return false;
+  for (int k = b->nodes - 1; k >= 0; k--) substitute(b, b->order[k], io_x);
+  return true;
+}

@@ -1,0 +1,58 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// Rigid bodies with contact and friction: the one place that knows ODE. Bodies 0..15 are the limbs, then
+// the scene's objects. Memory from the arena; the real-time thread steps it.
+#ifndef DYNAMICS_H
+#define DYNAMICS_H
+
+#include "hand/coupling.h"
+#include "gloved/arena.h"
+
+enum { GV_BODIES = GV_LIMBS + GV_MAX_OBJECTS };
+
+typedef struct gv_dynamics gv_dynamics;
+
+typedef struct gv_dynamics_contact {
+  int body_a, body_b;           // normal points from b to a; a is never static
+  gv_vec3 position, normal, friction_dir;  // world; friction_dir unit, at right angles to the normal
+  double depth;                 // metres; negative: gap, which the step may close but not pass
+  gv_friction friction;
+  double mu;                    // coefficient, or newtons with GV_FRICTION_FIXED_LIMIT
+} gv_dynamics_contact;
+
+// Inertia per mass (m^2) of the sphere with the volume of a box of these full sizes (Table 1).
+double gv_sphere_inertia_of_box(gv_vec3 size_m);
+
+// Null where the arena is too small. added: augmented mass and inertia of each limb.
+gv_dynamics *gv_dynamics_create(gv_arena *arena, const gv_config *cfg, const gv_scene *scene,
+                                const gv_spring spring[GV_LIMBS], const double limb_inertia[GV_LIMBS]);
+void gv_dynamics_destroy(gv_dynamics *dyn);
+// Runs both solvers once with the most contacts, so that every later step finds its memory ready.
+void gv_dynamics_warm_up(gv_dynamics *dyn);
+
+// Of a body; those of the others lie beside it, in their order.
+const gv_body_state *gv_dynamics_state(const gv_dynamics *dyn, int body);
+void gv_dynamics_set_state(gv_dynamics *dyn, int body, const gv_body_state *state);
+// Another spring for a limb: its mass with the augmentation that belongs to it. Never allocates.
+void gv_dynamics_set_limb(gv_dynamics *dyn, int limb, const gv_spring *spring, double inertia);
+// A limb without a driver is parked: not simulated.
+void gv_dynamics_park_limbs(gv_dynamics *dyn, bool parked);
+// An object at rest stands still and is not simulated; others see it as static.
+void gv_dynamics_set_rest(gv_dynamics *dyn, int body, bool rest);
+// Was a force added for the coming step?
+bool gv_dynamics_pushed(const gv_dynamics *dyn, int body);
+// Drop what was kept from the last step.
+void gv_dynamics_forget(gv_dynamics *dyn);
+gv_vec3 gv_dynamics_gravity(const gv_dynamics *dyn);
+double gv_dynamics_mass(const gv_dynamics *dyn, int body); // 0: static
+// Velocity that a body would have after the step without contacts.
+void gv_dynamics_predict(const gv_dynamics *dyn, int body, gv_body_state *out);
+
+void gv_dynamics_add_force(gv_dynamics *dyn, int body, gv_vec3 f, gv_vec3 t);
+// One step (Eqn 11 to 18). force_on_a[i] receives contact i's force. Returns the solver that found them.
+gv_solver gv_dynamics_step(gv_dynamics *dyn, const gv_dynamics_contact *contact, int count, gv_vec3 force_on_a[]);
+// Complaints of the solver so far ("LCP internal error").
+unsigned gv_dynamics_solver_errors(const gv_dynamics *dyn);
+// Kinetic energy of the objects plus their potential energy, joules.
+double gv_dynamics_object_energy(const gv_dynamics *dyn);
+
+#endif

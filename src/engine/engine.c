@@ -1,0 +1,238 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// The engine: one step is the paper's Figure 3, from a hand sample to what the hand should feel. Real-time
+// thread; set-up and views apart. Pure: no clock, no descriptor, no heap.
+#include "gloved/engine.h"
+
+#include <string.h>
+
+#include "engine/engine_state.h"
+#include "gloved/force.h"
+
+// A body beyond these is not simulated any more but put back: it fell off the world or blew up.
+#define FAR_M 100.0
+#define FAST_M_S 500.0
+#define SPIN_RAD_S 1e5
+
+static bool put_engine(gv_arena *arena, const gv_config *cfg, const gv_scene *scene, gv_engine **out) {
+  gv_engine *e = gv_arena_alloc(arena, "engine", sizeof *e);
+  size_t n = (size_t)scene->piece_count;
+  gv_shape *shape = gv_arena_alloc(arena, "piece shapes", n * sizeof *shape);
+  gv_aabb *box = gv_arena_alloc(arena, "piece bounds", n * sizeof *box);
+  gv_pair_cache *limb_cache = gv_arena_alloc(arena, "limb pairs", GV_LIMBS * n * sizeof *limb_cache);
+  gv_pair_cache *piece_cache = gv_arena_alloc(arena, "piece pairs", (n * n / 2 + 1) * sizeof *piece_cache);
+  if (!e || !shape || !box || !limb_cache || !piece_cache) return false;
+  e->cfg = *cfg;
+  e->scene = scene;
+  e->piece_shape = shape;
+  e->piece_box = box;
+  e->limb_cache = limb_cache;
+  e->piece_cache = piece_cache;
+  *out = e;
+  return true;
+}
+
+static gv_spring make_spring(const gv_engine *e, int limb) {
+  const bool palm = limb == GV_LIMB_PALM;
+  return gv_spring_make(palm ? &e->cfg.palm : &e->cfg.limb, palm ? e->cfg.palm_mass_kg : e->cfg.limb_mass_kg,
+                        e->limb_inertia[limb], e->cfg.step_s, e->cfg.rotation_law);
+}
+
+static void make_limbs(gv_engine *e) {
+  const gv_hand_model *hand = &e->cfg.hand;
+  for (int i = 0; i < GV_LIMBS; i++) {
+    bool palm = i == GV_LIMB_PALM;
+    double r = palm ? hand->palm_radius_m : hand->radius_m[i / 3][i % 3];
+    e->limb_shape[i] = palm ? gv_shape_rounded_box(hand->palm_half_m, r) : gv_shape_capsule(gv_hand_half_length(hand, i), r);
+    gv_vec3 half = e->limb_shape[i].half;
+    e->limb_reach[i] = gv_norm(half) + r;
+    double mass = palm ? e->cfg.palm_mass_kg : e->cfg.limb_mass_kg;
+    e->limb_inertia[i] = mass * gv_sphere_inertia_of_box(gv_scale(gv_add(half, gv_v3(r, r, r)), 2.0));
+    e->spring[i] = make_spring(e, i);
+  }
+}
+
+static void make_pieces(gv_engine *e) {
+  for (int o = 0; o < e->scene->object_count; o++) {
+    const gv_object *object = &e->scene->object[o];
+    for (int i = object->piece_first; i < object->piece_first + object->piece_count; i++) {
+      const gv_hull *hull = &e->scene->piece[i];
+      const gv_vec3 r = {hull->radius, hull->radius, hull->radius};
+      e->piece_shape[i] = gv_shape_hull(hull);
+      e->piece_box[i] = (gv_aabb){gv_sub(hull->aabb_min, r), gv_add(hull->aabb_max, r)};
+      if (i == object->piece_first) e->body_box[o] = e->piece_box[i];
+      else gv_aabb_join(&e->body_box[o], &e->piece_box[i]);
+      for (int v = 0; v < hull->vertex_count; v++)
+        e->object_reach[o] = fmax(e->object_reach[o], gv_norm(hull->vertex[v]) + hull->radius);
+    }
+  }
+}
+
+size_t gv_engine_size(const gv_config *cfg, const gv_scene *scene) {
+  gv_arena dry;
+  gv_engine *e;
+  gv_arena_init(&dry, NULL, 0);
+  put_engine(&dry, cfg, scene, &e);
+  gv_dynamics_create(&dry, cfg, scene, NULL, NULL);
+  return dry.peak;
+}
+
+gv_engine *gv_engine_init(void *mem, size_t size, const gv_config *cfg, const gv_scene *scene) {
+  if (gv_config_check(cfg)) return NULL;
+  gv_arena arena;
+  gv_engine *e;
+  gv_arena_init(&arena, mem, size);
+  if (!put_engine(&arena, cfg, scene, &e)) return NULL;
+  make_limbs(e);
+  make_pieces(e);
+  e->dyn = gv_dynamics_create(&arena, &e->cfg, scene, e->spring, e->limb_inertia);
+  if (!e->dyn) return NULL;
+  e->arena = arena;
+  gv_dynamics_warm_up(e->dyn);
+  gv_engine_reset(e);
+  memset(&e->counters, 0, sizeof e->counters);
+  return e;
+}
+
+void gv_engine_close(gv_engine *engine) {
+  if (engine) gv_dynamics_destroy(engine->dyn);
+}
+
+void gv_engine_reset(gv_engine *e) {
+  const size_t n = (size_t)e->scene->piece_count;
+  gv_condition_init(&e->condition, &e->cfg);
+  memset(e->limb_cache, 0, GV_LIMBS * n * sizeof *e->limb_cache);  // a warm start must not remember the last life
+  memset(e->piece_cache, 0, (n * n / 2 + 1) * sizeof *e->piece_cache);
+  e->placed = false;
+  e->contact_count = 0;
+  memset(e->felt_f, 0, sizeof e->felt_f);
+  memset(e->felt_t, 0, sizeof e->felt_t);
+  gv_dynamics_park_limbs(e->dyn, true);
+  gv_dynamics_forget(e->dyn);
+  for (int o = 0; o < e->scene->object_count; o++) gv_engine_wake_object(e, o);
+  for (int o = 0; o < e->scene->object_count; o++)
+    gv_dynamics_set_state(e->dyn, GV_LIMBS + o, &(gv_body_state){.T = e->scene->object[o].T_world_body});
+}
+
+int gv_engine_adjust(gv_engine *e, const gv_coupling *limb, const gv_coupling *palm, double mu_hand) {
+  gv_config cfg = e->cfg;
+  cfg.limb = *limb;
+  cfg.palm = *palm;
+  cfg.mu_hand = mu_hand;
+  if (gv_config_check(&cfg)) return -1;
+  e->cfg = cfg;
+  for (int i = 0; i < GV_LIMBS; i++) {
+    e->spring[i] = make_spring(e, i);
+    gv_dynamics_set_limb(e->dyn, i, &e->spring[i], e->limb_inertia[i]);
+  }
+  return 0;
+}
+
+const gv_config *gv_engine_config(const gv_engine *e) { return &e->cfg; }
+
+// First sample: the limbs appear on their driver frames, at rest.
+static void place_hand(gv_engine *e) {
+  for (int i = 0; i < GV_LIMBS; i++) gv_dynamics_set_state(e->dyn, i, &e->driver[i]);
+  gv_dynamics_park_limbs(e->dyn, false);
+  e->placed = true;
+  e->events |= GV_EVENT_HAND_PLACED;
+}
+
+// The skeleton's frames of this step, and their velocities since the last.
+static void move_driver(gv_engine *e) {
+  gv_condition_output(&e->condition, &e->cfg, e->angle, &e->wrist);
+  gv_hand_pose(&e->cfg.hand, &e->wrist, e->angle, e->skeleton, e->joint);
+  double rate = 1.0 / e->cfg.step_s;
+  for (int i = 0; i < GV_LIMBS; i++) {
+    const gv_pose *now = &e->skeleton[i];
+    gv_body_state *d = &e->driver[i];
+    if (!e->placed) d->T = *now;
+    gv_vec3 moved = gv_sub(now->p, d->T.p);
+    gv_quat q = now->q, last = d->T.q, turned = gv_quat_mul(q, gv_quat_conj(last));
+    double k = 2.0 * turned.w;  // turned * q is `last` mirrored in q
+    e->ahead[i] = (gv_pose){{k * q.w - last.w, k * q.x - last.x, k * q.y - last.y, k * q.z - last.z}, gv_add(now->p, moved)};
+    d->T = *now;
+    d->v = gv_scale(moved, rate);
+    d->w = gv_scale(gv_quat_log(turned), rate);
+  }
+}
+
+static void take_sample(gv_engine *e, const gv_sample *sample) {
+  if (sample->glove_new || sample->pose_new) {
+    e->counters.samples++;
+    int refused = gv_condition_sample(&e->condition, &e->cfg, sample, &e->counters.angles_limited);
+    if (refused) {
+      e->events |= GV_EVENT_SAMPLE_REFUSED;
+      e->counters.samples_refused += (uint64_t)refused;
+    }
+  }
+  if (!gv_condition_ready(&e->condition)) return;
+  gv_condition_step(&e->condition);
+  move_driver(e);
+  if (!e->placed) place_hand(e);
+}
+
+static void pull_limbs(gv_engine *e) {
+  gv_vec3 f[GV_LIMBS], t[GV_LIMBS];
+  if (!e->placed) return;
+  gv_springs_apply(e->spring, gv_dynamics_state(e->dyn, 0), e->driver, f, t);
+  for (int i = 0; i < GV_LIMBS; i++) {
+    if (e->cfg.limb_gravity) f[i] = gv_mad(f[i], e->spring[i].mass_kg, gv_dynamics_gravity(e->dyn));
+    gv_dynamics_add_force(e->dyn, i, f[i], t[i]);
+  }
+}
+
+static void solve(gv_engine *e) {
+  gv_vec3 force[GV_MAX_CONTACTS];
+  gv_solver used = gv_dynamics_step(e->dyn, e->solver_contact, e->contact_count, force);
+  if (used == GV_SOLVER_QUICK) {
+    e->events |= GV_EVENT_QUICKSTEP;
+    e->counters.quicksteps++;
+  }
+  if (used == GV_SOLVER_DIRECT) e->counters.direct_steps++;
+  for (int i = 0; i < e->contact_count; i++) e->contact[i].force_world = force[i];
+  e->counters.solver_errors = gv_dynamics_solver_errors(e->dyn);
+}
+
+static bool state_sound(const gv_body_state *s) {  // what is not finite is not less
+  gv_quat q = s->T.q;
+  return q.w * q.w + q.x * q.x + q.y * q.y + q.z * q.z < 2.0 && gv_norm2(s->T.p) < FAR_M * FAR_M &&
+         gv_norm2(s->v) < FAST_M_S * FAST_M_S && gv_norm2(s->w) < SPIN_RAD_S * SPIN_RAD_S;
+}
+
+static void put_back(gv_engine *e, int body, const gv_pose *T_start) {
+  gv_dynamics_set_state(e->dyn, body, &(gv_body_state){.T = *T_start});
+  e->events |= GV_EVENT_BODY_RESET;
+  e->counters.body_resets++;
+}
+
+static void guard_states(gv_engine *e) {
+  const gv_body_state *limb = gv_dynamics_state(e->dyn, 0), *object = gv_dynamics_state(e->dyn, GV_LIMBS);
+  for (int i = 0; i < GV_LIMBS; i++)
+    if (!state_sound(&limb[i])) put_back(e, i, &e->driver[i].T);
+  for (int i = 0; i < e->moving_count; i++) {
+    const int o = e->moving[i];
+    if (!state_sound(&object[o])) put_back(e, GV_LIMBS + o, &e->scene->object[o].T_world_body);
+  }
+}
+
+// What the person should feel: the opposite of the coupling on the limbs, as five tendon tensions.
+static void feel_coupling(gv_engine *e, double out_tension_n[GV_FINGERS]) {
+  memset(out_tension_n, 0, GV_FINGERS * sizeof *out_tension_n);
+  if (!e->placed) return;
+  gv_springs_feel(e->spring, gv_dynamics_state(e->dyn, 0), e->driver, e->ahead, e->felt_f, e->felt_t);
+  gv_tendon_map(e->joint, e->skeleton, e->felt_f, e->felt_t, out_tension_n);
+}
+
+void gv_engine_step(gv_engine *e, const gv_sample *sample, gv_step_result *out) {
+  e->events = 0;
+  take_sample(e, sample);         // device driver update: skeleton to driver frames
+  pull_limbs(e);                  // coupling, Eqn 1 to 4
+  gv_engine_collide(e);           // collision detection, Eqn 5 to 8; contact definition, Eqn 9, 10
+  solve(e);                       // equations of motion, Eqn 11 to 18
+  guard_states(e);
+  gv_engine_put_to_rest(e);
+  feel_coupling(e, out->tension_n); // constraint forces to the haptic hand interface
+  e->counters.steps++;
+  out->events = e->events;
+  out->contact_count = e->contact_count;
+}

@@ -1,0 +1,34 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// The sliding window of framer.h. Pure; any thread.
+#include "wire/framer.h"
+
+#include <string.h>
+
+static void drop(framer *f, int count) {
+  f->count -= count;
+  memmove(f->byte, f->byte + count, (size_t)f->count);
+}
+
+static void throw_away(framer *f) {
+  f->bad_bytes++;
+  f->bad_runs += f->losing ? 0 : 1;
+  f->losing = true;
+  drop(f, 1);
+}
+
+int framer_push(framer *f, uint8_t byte, framer_scan scan, const void *format) {
+  drop(f, f->taken);
+  f->taken = 0;
+  f->byte[f->count++] = byte;
+  while (f->count > 0) {
+    int length = scan(format, f->byte, f->count);
+    if (length == 0 && f->count < FRAMER_BYTES) return 0;
+    if (length > 0) {
+      f->records++;
+      f->losing = false;
+      return f->taken = length;
+    }
+    throw_away(f);
+  }
+  return 0;
+}

@@ -1,0 +1,406 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// One period without clock: what counts as lost, late, bad and unusable; that the simulation sees the
+// frames alone and no clock; and when a force may leave. The world is a table with a finger pressed into it.
+#include <string.h>
+
+#include "daemon/loop/session.h"
+#include "support/check.h"
+#include "support/lab.h"
+
+enum { MS = 1000000 };
+
+static lab world;
+static gv_session session;
+static int64_t now_ns;
+static uint8_t glove_counter, pose_counter, status_counter;
+static gv_frame command;
+
+static void start(void) {
+  const gv_session_config cfg = {gv_limiter_config_default(), gv_safety_config_default(), GV_RIGHT, 0.001};
+  if (world.engine) gv_engine_close(world.engine);
+  lab_start(&world);
+  lab_box(&world, gv_v3(1, 1, 0.1), gv_v3(0, 0, -0.05), 0, 0.8);
+  lab_run(&world);
+  gv_session_init(&session, &cfg, world.engine);
+  now_ns = 0;
+  glove_counter = pose_counter = status_counter = 0;
+}
+
+// ---- frames --------------------------------------------------------------------------------------------
+
+static gv_frame stamped(gv_frame frame) {
+  frame.stamp_ns = now_ns;
+  return frame;
+}
+
+// All fingers straight, the index finger bent by `index_rad` in its first joint.
+static gv_frame glove(double index_rad, uint8_t flags, uint32_t age_us) {
+  gv_glove_msg msg = {.counter = glove_counter++, .flags = flags, .age_us = age_us, .stamp_us = (uint32_t)(now_ns / 1000)};
+  for (int i = 0; i < GV_SENSORS; i++)
+    msg.raw[i] = (uint16_t)gv_calibration_raw(&world.cfg.calibration, i, i == GV_INDEX_MPJ ? index_rad : 0.0);
+  gv_frame frame;
+  gv_fcu_pack_glove(&msg, &frame);
+  return stamped(frame);
+}
+
+static gv_frame pose(uint8_t receiver, double height_m, uint8_t flags) {
+  gv_pose_msg msg = {.counter = pose_counter++, .flags = flags, .receiver = receiver, .stamp_us = (uint32_t)(now_ns / 1000),
+                     .T_world_receiver = {{1, 0, 0, 0}, {0, 0, height_m}}};
+  gv_frame frame;
+  gv_fcu_pack_pose(&msg, &frame);
+  return stamped(frame);
+}
+
+static gv_frame status(uint8_t flags) {
+  gv_status_msg msg = {.counter = status_counter++, .flags = flags};
+  gv_frame frame;
+  gv_fcu_pack_status(&msg, &frame);
+  return stamped(frame);
+}
+
+static void step(const gv_frame *frame, int count) {
+  now_ns += MS;
+  gv_session_step(&session, now_ns, frame, count, 0, &command);
+}
+
+static void step_one(gv_frame frame) { step(&frame, 1); }
+
+// `count` periods with a sound glove and pose, the index finger bent, the wrist 60 mm above the table.
+static void press(int count, double index_rad, uint8_t flags) {
+  for (int i = 0; i < count; i++) {
+    const gv_frame frame[2] = {glove(index_rad, flags, 0), pose(GV_RECEIVER_HAND, 0.06, GV_POSE_VALID)};
+    step(frame, 2);
+  }
+}
+
+static double commanded_max(void) {
+  gv_command_msg msg;
+  CHECK(gv_fcu_unpack_command(&command, &msg) == GV_FCU_OK, "the command does not decode");
+  double max = 0;
+  for (int i = 0; i < GV_FINGERS; i++) max = fmax(max, msg.tension_n[i]);
+  if (max > 0) CHECK(msg.flags & GV_COMMAND_ENABLE, "a force without ENABLE");
+  return max;
+}
+
+// Arms with an open hand, then presses the index finger 60 degrees down: a force flows.
+static void press_until_force(void) {
+  start();
+  press(50, 0.0, 0);
+  press(50, 0.0, GV_GLOVE_DEAD_MAN);
+  press(300, 1.05, GV_GLOVE_DEAD_MAN);
+  CHECK(session.safety.state == GV_SAFETY_ACTIVE, "%s", gv_safety_name(session.safety.state));
+  CHECK(commanded_max() > 0.3, "only %g N", commanded_max());
+}
+
+// ---- counters -----------------------------------------------------------------------------------------
+
+static void test_gaps_count_as_lost(void) {
+  start();
+  step_one(glove(0, 0, 0));
+  glove_counter = (uint8_t)(glove_counter + 4);
+  step_one(glove(0, 0, 0));
+  CHECK(session.frames.lost == 4 && session.frames.errors == 1, "%d lost", (int)session.frames.lost);
+  start();
+  glove_counter = 254;
+  for (int i = 0; i < 4; i++) step_one(glove(0, 0, 0));
+  CHECK(session.frames.lost == 0 && session.frames.late == 0, "the counter wraps");
+}
+
+static void test_ids_count_by_themselves(void) {
+  start();
+  pose_counter = 100;
+  status_counter = 200;
+  for (int i = 0; i < 3; i++) {
+    const gv_frame frame[3] = {glove(0, 0, 0), pose(GV_RECEIVER_HAND, 0.1, GV_POSE_VALID), status(0)};
+    step(frame, 3);
+  }
+  CHECK(session.frames.rx == 9 && session.frames.lost == 0 && session.frames.late == 0, "%d lost", (int)session.frames.lost);
+}
+
+static void test_doubled_and_overtaken_are_dropped(void) {
+  start();
+  gv_frame first = glove(0.1, 0, 0), second = glove(0.2, 0, 0), third = glove(0.3, 0, 0);
+  step_one(first);
+  step_one(third);
+  step_one(second);
+  step_one(third);
+  CHECK(session.frames.late == 2, "%d late", (int)session.frames.late);
+  CHECK(session.frames.lost == 1, "%d lost: a frame that comes too late was lost", (int)session.frames.lost);
+  CHECK(!session.sample.glove_new, "a doubled sample is not new");
+  gv_glove_msg newest;
+  gv_fcu_unpack_glove(&third, &newest);
+  CHECK(session.glove.raw[GV_INDEX_MPJ] == newest.raw[GV_INDEX_MPJ], "the newest stays");
+}
+
+static void test_a_restarted_device_is_taken_again(void) {
+  start();
+  glove_counter = 100;
+  step_one(glove(0, 0, 0));
+  glove_counter = 50;
+  int taken_after = 0;
+  for (int i = 1; i <= 60 && !taken_after; i++) {
+    step_one(glove(0, 0, 0));
+    if (session.sample.glove_new) taken_after = i;
+  }
+  CHECK(taken_after == GV_SESSION_RESYNC, "after %d frames", taken_after);
+  step_one(glove(0, 0, 0));
+  CHECK(session.sample.glove_new, "and stays taken");
+}
+
+static void test_broken_frames_are_counted_and_dropped(void) {
+  start();
+  gv_frame broken = glove(0.5, GV_GLOVE_DEAD_MAN, 0), shorter = glove(0.5, 0, 0), other = glove(0.5, 0, 0);
+  broken.data[20] ^= 1;
+  shorter.len = 32;
+  other.id = 0x333;
+  step_one(broken);
+  step_one(shorter);
+  step_one(other);
+  CHECK(session.frames.bad == 2 && session.frames.foreign == 1, "%d bad", (int)session.frames.bad);
+  CHECK(!session.glove_seen, "a broken frame was used");
+}
+
+static void test_unusable_samples(void) {
+  start();
+  step_one(glove(0, GV_GLOVE_LEFT, 0));
+  CHECK(session.other_hand, "a left glove for a right hand is noticed");
+  step_one(glove(0, GV_GLOVE_SENSOR_FAULT, 0));
+  step_one(pose(GV_RECEIVER_HAND, 0.1, 0));
+  step_one(pose(GV_RECEIVER_HAND, 0.1, GV_POSE_VALID | GV_POSE_TRACKER_ERROR));
+  step_one(pose(GV_RECEIVER_HAND, 150, GV_POSE_VALID));
+  CHECK(session.frames.unusable == 5, "%d unusable", (int)session.frames.unusable);
+  CHECK(!session.glove_seen && !session.hand_seen, "used all the same");
+  step_one(pose(GV_RECEIVER_HEAD, 1.7, GV_POSE_VALID));
+  CHECK(session.head_seen && !session.hand_seen, "the head's receiver is not the hand's");
+}
+
+static void test_newest_of_several_wins(void) {
+  start();
+  gv_frame frame[3] = {glove(0.1, 0, 0), glove(0.2, 0, 0), glove(0.3, 0, 0)};
+  step(frame, 3);
+  double angle = gv_calibration_angle(&world.cfg.calibration, GV_INDEX_MPJ, session.sample.raw[GV_INDEX_MPJ]);
+  CHECK_NEAR(angle, 0.3, 0.001);
+}
+
+// ---- ages and clocks ----------------------------------------------------------------------------------
+
+// The state after a press whose frames come `delay_ms` late by their stamps, on a clock that starts at `origin_ns`.
+static uint64_t hash_after_press(int64_t origin_ns, int64_t delay_ms) {
+  start();
+  now_ns = origin_ns;
+  for (int i = 0; i < 300; i++) {
+    gv_frame frame[2] = {glove(i < 50 ? 0.0 : 1.05, i < 25 ? 0 : GV_GLOVE_DEAD_MAN, 0),
+                         pose(GV_RECEIVER_HAND, 0.06, GV_POSE_VALID)};
+    frame[0].stamp_ns = frame[1].stamp_ns = now_ns + MS - delay_ms * MS;
+    step(frame, 2);
+  }
+  return gv_engine_hash(world.engine);
+}
+
+static void test_simulation_sees_no_clock(void) {
+  const uint64_t hash = hash_after_press(0, 0);
+  CHECK(commanded_max() > 0.1, "a force flows: %g N", commanded_max());
+  CHECK(hash_after_press(123456789012345, 0) == hash, "another clock");
+  CHECK(hash_after_press(0, 200) == hash, "old frames");
+  CHECK(commanded_max() == 0.0 && session.frames.late == 600, "but no force on old frames, %g N", commanded_max());
+}
+
+static void test_age_is_the_devices_and_the_wires(void) {
+  start();
+  gv_frame frame = glove(0, 0, 12340);
+  now_ns += 3 * MS;
+  step_one(frame);
+  CHECK_NEAR(session.glove_age_s, 0.01634, 1e-9);
+  CHECK(isinf(session.hand_age_s), "no pose yet");
+  CHECK(session.frames.late == 0, "16 ms is not late");
+  step_one(glove(0, 0, 60000));
+  CHECK(session.frames.late == 1, "60 ms is");
+}
+
+// ---- forces -------------------------------------------------------------------------------------------
+
+static void test_force_needs_the_dead_man_switch(void) {
+  start();
+  press(50, 0.0, 0);
+  press(300, 1.05, 0);
+  CHECK(session.result.tension_n[1] > 0.3, "the finger is pressed: %g N wanted", session.result.tension_n[1]);
+  CHECK(session.force_max_n[1] == 0.0, "%g N left", session.force_max_n[1]);
+  press_until_force();
+  press(30, 1.05, 0);
+  CHECK(commanded_max() == 0.0, "%g N after letting go", commanded_max());
+}
+
+static void test_device_must_report_the_switch_too(void) {
+  press_until_force();
+  step_one(status(GV_STATUS_DEAD_MAN));
+  CHECK(session.safety.state == GV_SAFETY_ACTIVE, "%s", gv_safety_name(session.safety.state));
+  step_one(status(0));
+  press(30, 1.05, GV_GLOVE_DEAD_MAN);
+  CHECK(session.safety.state != GV_SAFETY_ACTIVE && commanded_max() == 0.0, "%g N", commanded_max());
+}
+
+static void test_silence_is_a_fault_and_ends_the_force(void) {
+  press_until_force();
+  for (int i = 0; i < 70; i++) step(NULL, 0);
+  CHECK(session.safety.state == GV_SAFETY_FAULT, "%s", gv_safety_name(session.safety.state));
+  CHECK(commanded_max() == 0.0, "%g N", commanded_max());
+  CHECK(session.faults_seen & GV_FAULT_GLOVE_STALE, "the reason is kept");
+}
+
+// Frames as fresh as ever, the finger pressed; stamps that go on, or stand still, for the glove and for the hand.
+static void press_with_stamps(int count, int64_t tick_ns, bool freeze_glove, bool freeze_hand) {
+  gv_glove_msg g;
+  gv_pose_msg p;
+  for (int i = 0; i < count; i++) {
+    gv_frame frame[2] = {glove(1.05, GV_GLOVE_DEAD_MAN, 0), pose(GV_RECEIVER_HAND, 0.06, GV_POSE_VALID)};
+    CHECK(gv_fcu_unpack_glove(&frame[0], &g) == 0 && gv_fcu_unpack_pose(&frame[1], &p) == 0, "decodes");
+    const uint32_t coarse = (uint32_t)(now_ns / tick_ns * tick_ns / 1000);
+    g.stamp_us = freeze_glove ? 7 : coarse;
+    p.stamp_us = freeze_hand ? 7 : coarse;
+    gv_fcu_pack_glove(&g, &frame[0]);
+    gv_fcu_pack_pose(&p, &frame[1]);
+    step(frame, 2);
+  }
+}
+
+static void test_a_clock_that_stands_still_ends_the_force(void) {
+  for (int which = 0; which < 2; which++) {
+    press_until_force();
+    press_with_stamps(95, MS, which == 0, which == 1);
+    CHECK(session.safety.state == GV_SAFETY_ACTIVE, "too early: %s", gv_safety_name(session.safety.state));
+    press_with_stamps(26, MS, which == 0, which == 1);
+    CHECK(session.safety.state == GV_SAFETY_FAULT && commanded_max() == 0.0, "%g N", commanded_max());
+    CHECK(session.faults_seen == (which == 0 ? GV_FAULT_GLOVE_STALE : GV_FAULT_TRACKER_STALE), "faults %x", session.faults_seen);
+  }
+}
+
+static void test_a_coarse_clock_is_no_fault(void) {
+  press_until_force();
+  press_with_stamps(500, 48 * MS, false, false);
+  CHECK(session.safety.state == GV_SAFETY_ACTIVE && commanded_max() > 0.3, "%s", gv_safety_name(session.safety.state));
+}
+
+static void test_after_a_pause_forces_start_from_none(void) {
+  press_until_force();
+  const double before = commanded_max(), rise = session.cfg.limiter.slew_n_per_s * session.cfg.period_s;
+  for (unsigned skipped = 0; skipped < 8; skipped++) {
+    press(20, 1.05, GV_GLOVE_DEAD_MAN);
+    const gv_frame frame[2] = {glove(1.05, GV_GLOVE_DEAD_MAN, 0), pose(GV_RECEIVER_HAND, 0.06, GV_POSE_VALID)};
+    now_ns += (1 + skipped) * MS;
+    gv_session_step(&session, now_ns, frame, 2, skipped, &command);
+    const bool let_go = skipped + 1 >= 5;
+    CHECK(let_go ? commanded_max() <= rise : commanded_max() > 0.8 * before, "%u skipped: %g N", skipped, commanded_max());
+  }
+}
+
+static void test_device_fault_ends_the_force(void) {
+  press_until_force();
+  step_one(status(GV_STATUS_FAULT | GV_STATUS_DEAD_MAN));
+  CHECK(session.safety.state == GV_SAFETY_FAULT, "%s", gv_safety_name(session.safety.state));
+  press(20, 1.05, GV_GLOVE_DEAD_MAN);
+  CHECK(commanded_max() == 0.0, "%g N", commanded_max());
+}
+
+static void test_broken_frames_end_the_force(void) {
+  press_until_force();
+  for (int i = 0; i < 40; i++) {
+    gv_frame frame[3] = {glove(1.05, GV_GLOVE_DEAD_MAN, 0), pose(GV_RECEIVER_HAND, 0.06, GV_POSE_VALID),
+                         glove(1.05, GV_GLOVE_DEAD_MAN, 0)};
+    frame[2].data[12] ^= 0x10;
+    glove_counter--;
+    step(frame, 3);
+  }
+  CHECK(session.safety.state == GV_SAFETY_FAULT && commanded_max() == 0.0, "%s, %g N",
+        gv_safety_name(session.safety.state), commanded_max());
+}
+
+static void press_after_stall(unsigned periods_skipped) {
+  const gv_frame frame[2] = {glove(1.05, GV_GLOVE_DEAD_MAN, 0), pose(GV_RECEIVER_HAND, 0.06, GV_POSE_VALID)};
+  now_ns += (1 + (int64_t)periods_skipped) * MS;
+  gv_session_step(&session, now_ns, frame, 2, periods_skipped, &command);
+}
+
+static void test_stalls(void) {
+  press_until_force();
+  for (int i = 0; i < 3; i++) press_after_stall(32);
+  CHECK(session.safety.state == GV_SAFETY_ACTIVE, "three short stalls: %s", gv_safety_name(session.safety.state));
+  press_after_stall(60);
+  CHECK(session.safety.state == GV_SAFETY_FAULT, "a stall longer than any sample may be old: %s", gv_safety_name(session.safety.state));
+  press_until_force();
+  for (int i = 0; i < 40; i++) press_after_stall(1);
+  CHECK(session.safety.state == GV_SAFETY_FAULT, "every second period: %s", gv_safety_name(session.safety.state));
+  CHECK(session.faults_seen == GV_FAULT_OVERRUN, "faults %x", session.faults_seen);
+}
+
+static void test_stop_ramps_to_zero(void) {
+  press_until_force();
+  const int limit = (int)ceil(session.cfg.limiter.ramp_s * 1e3) + 1;
+  double last = commanded_max();
+  const uint64_t steps = gv_engine_counters(world.engine)->steps;
+  int periods = 0;
+  for (bool zero = false; !zero && periods < 100; periods++) {
+    now_ns += MS;
+    zero = gv_session_stop(&session, now_ns, &command);
+    CHECK(commanded_max() <= last, "rose from %g to %g N", last, commanded_max());
+    last = commanded_max();
+  }
+  CHECK(last == 0.0 && periods <= limit, "zero after %d ms, allowed %d", periods, limit);
+  CHECK(session.safety.state == GV_SAFETY_STOPPED, "%s", gv_safety_name(session.safety.state));
+  CHECK(gv_engine_counters(world.engine)->steps == steps, "ending steps the engine");
+}
+
+static void test_command_tells_its_sample(void) {
+  start();
+  now_ns = 7 * MS;
+  step_one(glove(0, 0, 2000));
+  gv_command_msg msg;
+  CHECK(gv_fcu_unpack_command(&command, &msg) == GV_FCU_OK, "does not decode");
+  CHECK(msg.sample_stamp_us == 7000 && msg.age_us == 3000, "stamp %u age %u us", msg.sample_stamp_us, msg.age_us);
+  const uint8_t counter = msg.counter;
+  step(NULL, 0);
+  gv_fcu_unpack_command(&command, &msg);
+  CHECK(msg.counter == (uint8_t)(counter + 1), "the counter counts");
+}
+
+// Random bytes, random ids, broken copies of sound frames: every command decodes and stays in its limits.
+static void test_random_frames(void) {
+  unsigned long long random = 11;
+  press_until_force();
+  for (int i = 0; i < 3000; i++) {
+    gv_frame frame = i % 3 ? glove(check_uniform(&random, -1.5, 1.5), GV_GLOVE_DEAD_MAN, 0)
+                           : pose(GV_RECEIVER_HAND, check_uniform(&random, -0.1, 0.3), GV_POSE_VALID);
+    for (int k = (int)check_uniform(&random, 0, 4); k > 0; k--)
+      frame.data[(int)check_uniform(&random, 0, 64)] = (uint8_t)check_uniform(&random, 0, 256);
+    if (i % 7 == 0) frame.len = (uint8_t)check_uniform(&random, 0, 65);
+    if (i % 11 == 0) frame.id = (uint32_t)check_uniform(&random, 0, 0x800);
+    if (i % 13 == 0) frame.stamp_ns = (int64_t)check_uniform(&random, -1e18, 1e18);
+    step_one(frame);
+    CHECK(commanded_max() <= session.cfg.limiter.max_n + GV_TENSION_LSB_N, "%g N", commanded_max());
+  }
+  CHECK(session.frames.bad > 500, "%d bad", (int)session.frames.bad);
+}
+
+int main(void) {
+  RUN(test_gaps_count_as_lost);
+  RUN(test_ids_count_by_themselves);
+  RUN(test_doubled_and_overtaken_are_dropped);
+  RUN(test_a_restarted_device_is_taken_again);
+  RUN(test_broken_frames_are_counted_and_dropped);
+  RUN(test_unusable_samples);
+  RUN(test_newest_of_several_wins);
+  RUN(test_simulation_sees_no_clock);
+  RUN(test_age_is_the_devices_and_the_wires);
+  RUN(test_force_needs_the_dead_man_switch);
+  RUN(test_device_must_report_the_switch_too);
+  RUN(test_silence_is_a_fault_and_ends_the_force);
+  RUN(test_a_clock_that_stands_still_ends_the_force);
+  RUN(test_a_coarse_clock_is_no_fault);
+  RUN(test_after_a_pause_forces_start_from_none);
+  RUN(test_device_fault_ends_the_force);
+  RUN(test_broken_frames_end_the_force);
+  RUN(test_stalls);
+  RUN(test_stop_ramps_to_zero);
+  RUN(test_command_tells_its_sample);
+  RUN(test_random_frames);
+  return check_done();
+}
