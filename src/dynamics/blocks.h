@@ -10,7 +10,7 @@
 
 #include "gloved/limits.h"
 
-enum { GV_NODES = GV_LIMBS + GV_MAX_OBJECTS, GV_BLOCKS = 1024 };
+enum { GV_NODES = GV_BODIES, GV_BLOCKS = 1024 };
 
 typedef struct gv_block { double m[6][6]; } gv_block;
 typedef struct gv_six { double m[6]; } gv_six;  // of one body: linear, then angular

@@ -19,26 +19,21 @@
 
 enum { BOLD = 5, SAFE = 40, ROUNDS = 2, SEARCH = 40, LEAST_STEPS = 12, MOST_STEPS = 100 };
 static const double settled = 1e-9;          // N s: two impulses that differ by less are the same
-static const double most_out_m_s = 0.25;     // a deep limb is let out gently, not shot
 
 // ---- the problem ----------------------------------------------------------------------------------
 
-static double wanted_velocity(const gv_config *cfg, double depth) {
-  return depth < 0.0 ? depth / cfg->step_s : fmin(cfg->contact_erp * depth / cfg->step_s, most_out_m_s);
-}
-
-static void make_rows(gv_direct *s, const gv_config *cfg, const gv_direct_body body[], const gv_dynamics_contact *c, int i) {
-  s->along[i][0] = c->normal, s->along[i][1] = c->friction_dir, s->along[i][2] = gv_cross(c->normal, c->friction_dir);
-  s->arm_a[i] = gv_sub(c->position, body[c->body_a].p);
-  s->arm_b[i] = gv_sub(c->position, body[c->body_b].p);
+static void make_rows(gv_direct *s, const gv_problem_body body[], const gv_problem_contact *c, int i) {
+  memcpy(s->along[i], c->frame, sizeof c->frame);
+  s->arm_a[i] = gv_sub(c->point, body[c->body_a].p);
+  s->arm_b[i] = gv_sub(c->point, body[c->body_b].p);
   s->mu[i] = c->mu;
   for (int k = 0; k < 3; k++) {
-    s->asked[3 * i + k] = k == 0 ? wanted_velocity(cfg, c->depth) : 0.0;
-    s->stiff[3 * i + k] = cfg->step_s / (k == 0 ? cfg->contact_cfm : cfg->world_cfm);
+    s->asked[3 * i + k] = k == 0 ? c->target_velocity : 0.0;
+    s->stiff[3 * i + k] = 1.0 / (k == 0 ? c->normal_compliance : c->tangent_compliance);
   }
 }
 
-static void add_node(gv_direct *s, int node[GV_BODIES], const gv_direct_body body[], int b) {
+static void add_node(gv_direct *s, int node[GV_BODIES], const gv_problem_body body[], int b) {
   int n = node[b] = s->nodes++;
   s->free[n] = s->v[n] = (gv_six){{body[b].v.x, body[b].v.y, body[b].v.z, body[b].w.x, body[b].w.y, body[b].w.z}};
   s->mass[n] = body[b].mass;
@@ -46,7 +41,7 @@ static void add_node(gv_direct *s, int node[GV_BODIES], const gv_direct_body bod
 }
 
 // Bodies that touch something: first those that go into the matrix, then the limbs with a single contact.
-static bool make_nodes(gv_direct *s, int node[GV_BODIES], const gv_direct_body body[], const gv_dynamics_contact *contact) {
+static bool make_nodes(gv_direct *s, int node[GV_BODIES], const gv_problem_body body[], const gv_problem_contact *contact) {
   int touched[GV_BODIES] = {0};
   s->nodes = 0;
   for (int i = 0; i < s->count; i++) {
@@ -69,7 +64,7 @@ static bool make_nodes(gv_direct *s, int node[GV_BODIES], const gv_direct_body b
 }
 
 // As the contact of the same bodies was in the last step; a new one holds, unless it parts.
-static void take_guess(gv_direct *s, const gv_dynamics_contact *contact) {
+static void take_guess(gv_direct *s, const gv_problem_contact *contact) {
   bool used[GV_MAX_CONTACTS] = {false};
   for (int i = 0; i < s->count; i++) {
     memset(&s->row[3 * i], GV_DIRECT_HOLDS, 3);
@@ -454,7 +449,7 @@ static bool step_safely(gv_direct *s) {
 }
 
 // The last step's pieces and friction limits, and a full step from there. A new contact gets its limit after that.
-static bool start_safely(gv_direct *s, const gv_dynamics_contact *contact) {
+static bool start_safely(gv_direct *s, const gv_problem_contact *contact) {
   s->bold = false;
   take_guess(s, contact);
   memcpy(s->v, s->free, sizeof s->v[0] * (size_t)s->nodes);
@@ -474,7 +469,7 @@ static void mix_limits(gv_direct *s) {
   for (int i = 0; i < s->count; i++) s->limit[i] = 0.5 * (s->limit[i] + limit_now(s, i));
 }
 
-static bool iterate(gv_direct *s, const gv_dynamics_contact *contact) {
+static bool iterate(gv_direct *s, const gv_problem_contact *contact) {
   const size_t of_v = sizeof s->v[0] * (size_t)s->nodes, of_limit = sizeof s->limit[0] * (size_t)s->count;
   s->limits_right = true;
   take_guess(s, contact);
@@ -501,19 +496,19 @@ static bool iterate(gv_direct *s, const gv_dynamics_contact *contact) {
 
 // ---- the answer -----------------------------------------------------------------------------------
 
-static gv_vec3 find_force(gv_direct *s, const gv_config *cfg, const gv_dynamics_contact *c, int i) {
+static gv_vec3 find_impulse(gv_direct *s, const gv_problem_contact *c, int i) {
   double x[3];
   for (int k = 0; k < 3; k++) x[k] = impulse_on(s, 3 * i + k, s->row[3 * i + k], s->u[3 * i + k]);
   s->last[i] = (gv_direct_guess){c->body_a, c->body_b, x[0], {0}};
   memcpy(s->last[i].row, &s->row[3 * i], 3);
-  return gv_scale(in_world(s, i, gv_v3(x[0], x[1], x[2])), 1.0 / cfg->step_s);
+  return in_world(s, i, gv_v3(x[0], x[1], x[2]));
 }
 
-// As many linear solves as fit into half of the period; as measured, 0.1 us a contact and 0.08 us a block operation
-// each. None where too few fit to be worth a try: ODE needs its share then.
-static int count_steps(const gv_direct *s, const gv_config *cfg) {
+// As many linear solves as fit into the budget; as measured, 0.1 us a contact and 0.08 us a block operation
+// each. None where too few fit to be worth a try: another solver needs its share then.
+static int count_steps(const gv_direct *s, double budget_s) {
   double solve_s = 1e-7 * s->count + 8e-8 * s->blocks.work;
-  int fit = (int)fmin(0.5 * cfg->step_s / fmax(solve_s, 1e-6), MOST_STEPS);
+  int fit = (int)fmin(budget_s / fmax(solve_s, 1e-6), MOST_STEPS);
   return fit < LEAST_STEPS ? 0 : fit;
 }
 
@@ -524,21 +519,34 @@ static bool is_finite(const gv_direct *s) {
   return true;
 }
 
-bool gv_direct_solve(gv_direct *s, const gv_config *cfg, gv_direct_body io_body[GV_BODIES],
-                     const gv_dynamics_contact *contact, int count, gv_vec3 force_on_a[]) {
+static bool suits(const gv_problem *problem) {
+  for (int i = 0; i < problem->contact_count; i++)
+    if (problem->contact[i].friction != GV_FRICTION_PYRAMID) return false;
+  return true;
+}
+
+static gv_outcome solve(void *memory, const gv_problem *problem, gv_velocity out_velocity[], gv_vec3 out_impulse[]) {
+  gv_direct *s = memory;
+  const gv_problem_contact *contact = problem->contact;
   int node[GV_BODIES];
-  s->count = count;
-  if (!make_nodes(s, node, io_body, contact)) return false;
-  s->steps_left = count_steps(s, cfg);
-  for (int i = 0; i < count; i++) make_rows(s, cfg, io_body, &contact[i], i);
-  if (!iterate(s, contact) || !is_finite(s)) return false;
-  for (int i = 0; i < count; i++) force_on_a[i] = find_force(s, cfg, &contact[i], i);
-  s->last_count = count;
+  s->count = problem->contact_count;
+  if (!suits(problem) || !make_nodes(s, node, problem->body, contact)) return GV_OUTCOME_NONE;
+  s->steps_left = count_steps(s, problem->budget_s);
+  for (int i = 0; i < s->count; i++) make_rows(s, problem->body, &contact[i], i);
+  if (!iterate(s, contact) || !is_finite(s)) return GV_OUTCOME_NONE;
+  for (int i = 0; i < s->count; i++) out_impulse[i] = find_impulse(s, &contact[i], i);
+  s->last_count = s->count;
   for (int b = 0; b < GV_BODIES; b++) {
     if (node[b] < 0) continue;
     const double *v = s->v[node[b]].m;
-    io_body[b].v = gv_v3(v[0], v[1], v[2]);
-    io_body[b].w = gv_v3(v[3], v[4], v[5]);
+    out_velocity[b] = (gv_velocity){{v[0], v[1], v[2]}, {v[3], v[4], v[5]}};
   }
-  return true;
+  return s->limits_right ? GV_OUTCOME_SOLVED : GV_OUTCOME_LAGGED;
 }
+
+static void forget(void *memory) {
+  gv_direct *s = memory;
+  s->last_count = 0;
+}
+
+const gv_contact_solver gv_solver_newton = {"newton", solve, forget};

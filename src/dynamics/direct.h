@@ -1,19 +1,12 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// Contact and friction by Newton's method on the velocities of all bodies that touch. Internal to the dynamics. Pure.
+// Memory of the solver `newton`: contact and friction by Newton's method on the velocities of all bodies that touch. Pure.
 #ifndef DIRECT_H
 #define DIRECT_H
 
 #include "dynamics/blocks.h"
-#include "dynamics/dynamics.h"
+#include "dynamics/solver.h"
 
 enum { GV_DIRECT_ROWS = 3 * GV_MAX_CONTACTS };
-
-// A body as the contacts find it, world frame; velocities after the step, first without contacts.
-typedef struct gv_direct_body {
-  double mass;                  // 0: does not move
-  gv_mat3 inertia;
-  gv_vec3 p, v, w;
-} gv_direct_body;
 
 // What a row does: nothing; hold its velocity at the one that is asked; push with all that friction has.
 typedef enum gv_direct_row { GV_DIRECT_OPEN, GV_DIRECT_HOLDS, GV_DIRECT_SLIDES_UP, GV_DIRECT_SLIDES_DOWN } gv_direct_row;
@@ -44,10 +37,5 @@ typedef struct gv_direct {
   gv_mat3 lone[GV_MAX_CONTACTS];           // how stiff the contact of such a limb is to the other body, N s for 1 m/s, world
   gv_vec3 lone_u[GV_MAX_CONTACTS];         // its velocity, beyond what is asked, if the other body kept its own
 } gv_direct;
-
-// Force on body a of each contact, newtons, and the velocities of the bodies under them. False where the iteration
-// did not end within half of the period (then nothing is written).
-bool gv_direct_solve(gv_direct *direct, const gv_config *cfg, gv_direct_body io_body[GV_BODIES],
-                     const gv_dynamics_contact *contact, int count, gv_vec3 force_on_a[]);
 
 #endif

@@ -35,8 +35,9 @@ struct gv_dynamics {
   double mass[GV_BODIES];            // without what the coupling adds
   double inv_mass[GV_BODIES];        // of the body as ODE sees it
   gv_mat3 inertia[GV_BODIES], inv_inertia[GV_BODIES]; // likewise, body axes
-  gv_direct direct;
-  gv_direct_body free[GV_BODIES];    // the bodies as they would be without contacts, then with them
+  gv_direct newton;
+  gv_problem problem;
+  gv_velocity velocity[GV_BODIES];   // after the step, first without contacts
   bool ahead_of_ode;                 // bodies have moved since ODE last saw them
   int body_count;
   gv_vec3 gravity;
@@ -442,7 +443,7 @@ static gv_vec3 turn_freely(const gv_mat3 *I, gv_vec3 w, double h) {
 static bool stands(const gv_dynamics *dyn, int i) { return !dyn->body[i] || (i < GV_LIMBS ? dyn->parked : !dyn->in_ode[i]); }
 
 // A limb's inertia is the same about every axis.
-static void move_limb_freely(const gv_dynamics *dyn, int i, gv_direct_body *out) {
+static void move_limb_freely(const gv_dynamics *dyn, int i, gv_problem_body *out) {
   const gv_body_state *s = &dyn->state[i];
   const double h = dyn->cfg->step_s;
   out->inertia = dyn->inertia[i];
@@ -450,7 +451,7 @@ static void move_limb_freely(const gv_dynamics *dyn, int i, gv_direct_body *out)
   out->w = gv_mad(s->w, h * dyn->inv_inertia[i].m[0][0], dyn->torque[i]);
 }
 
-static void move_object_freely(const gv_dynamics *dyn, int i, gv_direct_body *out) {
+static void move_object_freely(const gv_dynamics *dyn, int i, gv_problem_body *out) {
   const gv_body_state *s = &dyn->state[i];
   const double h = dyn->cfg->step_s;
   out->inertia = in_world(s->T.q, &dyn->inertia[i]);
@@ -462,17 +463,18 @@ static void move_object_freely(const gv_dynamics *dyn, int i, gv_direct_body *ou
 
 static void move_freely(gv_dynamics *dyn) {
   for (int i = 0; i < dyn->body_count; i++) {
-    gv_direct_body *b = &dyn->free[i];
+    gv_problem_body *b = &dyn->problem.body[i];
     b->p = dyn->state[i].T.p;
     b->mass = stands(dyn, i) ? 0.0 : 1.0 / dyn->inv_mass[i];
     if (b->mass <= 0.0) b->v = b->w = gv_v3(0, 0, 0);
     else if (i < GV_LIMBS) move_limb_freely(dyn, i, b);
     else move_object_freely(dyn, i, b);
+    dyn->velocity[i] = (gv_velocity){b->v, b->w};
   }
 }
 
 // The same semi-implicit step as ODE's: positions follow the new velocities.
-static void move_body(gv_dynamics *dyn, int i, const gv_direct_body *b) {
+static void move_body(gv_dynamics *dyn, int i, const gv_velocity *b) {
   gv_body_state *s = &dyn->state[i];
   const double h = dyn->cfg->step_s;
   s->v = b->v;
@@ -482,18 +484,19 @@ static void move_body(gv_dynamics *dyn, int i, const gv_direct_body *b) {
   s->T.q = gv_quat_normalize((gv_quat){q.w + 0.5 * h * d.w, q.x + 0.5 * h * d.x, q.y + 0.5 * h * d.y, q.z + 0.5 * h * d.z});
 }
 
-static bool suits_direct(const gv_dynamics *dyn, const gv_dynamics_contact *contact, int count) {
-  if (dyn->cfg->solver != GV_SOLVER_AUTO) return false;
-  for (int i = 0; i < count; i++)
-    if (!contact_sound(&contact[i]) || contact[i].friction != GV_FRICTION_PYRAMID) return false;
-  return true;
-}
-
-static bool solve_direct(gv_dynamics *dyn, const gv_dynamics_contact *contact, int count, gv_vec3 force_on_a[]) {
+static bool solve_newton(gv_dynamics *dyn, const gv_dynamics_contact *contact, int count, gv_vec3 force_on_a[]) {
+  gv_vec3 impulse[GV_MAX_CONTACTS];
+  int index[GV_MAX_CONTACTS];
   move_freely(dyn);
-  if (!gv_direct_solve(&dyn->direct, dyn->cfg, dyn->free, contact, count, force_on_a)) return false;
+  dyn->problem.step_s = dyn->cfg->step_s;
+  dyn->problem.budget_s = 0.5 * dyn->cfg->step_s;
+  dyn->problem.body_count = dyn->body_count;
+  gv_problem_set_contacts(&dyn->problem, dyn->cfg, contact, count, index);
+  if (!gv_solver_newton.solve(&dyn->newton, &dyn->problem, dyn->velocity, impulse)) return false;
+  memset(force_on_a, 0, sizeof *force_on_a * (size_t)count);
+  for (int i = 0; i < dyn->problem.contact_count; i++) force_on_a[index[i]] = gv_scale(impulse[i], 1.0 / dyn->cfg->step_s);
   for (int i = 0; i < dyn->body_count; i++)
-    if (!stands(dyn, i)) move_body(dyn, i, &dyn->free[i]);
+    if (!stands(dyn, i)) move_body(dyn, i, &dyn->velocity[i]);
   dyn->ahead_of_ode = true;
   return true;
 }
@@ -507,6 +510,7 @@ static void write_states(gv_dynamics *dyn) {
 }
 
 static gv_solver solve_in_ode(gv_dynamics *dyn, const gv_dynamics_contact *contact, int count, bool knotted, gv_vec3 force_on_a[]) {
+  move_freely(dyn);
   write_states(dyn);
   sort_limbs(dyn, contact, count);
   bool quick = choose_solver(dyn, contact, count, knotted), done = try_step(dyn, contact, count, quick);
@@ -518,19 +522,26 @@ static gv_solver solve_in_ode(gv_dynamics *dyn, const gv_dynamics_contact *conta
   for (int i = 0; i < count; i++) force_on_a[i] = from_ode(dyn->feedback[i].f1);
   for (int i = 0; i < dyn->body_count; i++) {
     if (dyn->in_ode[i]) read_back(dyn, i);
-    else if (!stands(dyn, i)) move_limb_freely(dyn, i, &dyn->free[i]), move_body(dyn, i, &dyn->free[i]);
+    else if (!stands(dyn, i)) move_body(dyn, i, &dyn->velocity[i]);
   }
   return quick ? GV_SOLVER_QUICK : GV_SOLVER_DANTZIG;
 }
 
+static bool all_coulomb(const gv_dynamics_contact *contact, int count) {
+  for (int i = 0; i < count; i++)
+    if (contact[i].friction != GV_FRICTION_PYRAMID) return false;
+  return true;
+}
+
 gv_solver gv_dynamics_step(gv_dynamics *dyn, const gv_dynamics_contact *contact, int count, gv_vec3 force_on_a[]) {
-  bool suits = suits_direct(dyn, contact, count), direct = suits && solve_direct(dyn, contact, count, force_on_a);
-  gv_solver used = direct ? GV_SOLVER_DIRECT : solve_in_ode(dyn, contact, count, suits, force_on_a);
+  bool suits = dyn->cfg->solver == GV_SOLVER_AUTO && all_coulomb(contact, count);
+  bool solved = suits && solve_newton(dyn, contact, count, force_on_a);
+  gv_solver used = solved ? GV_SOLVER_DIRECT : solve_in_ode(dyn, contact, count, suits, force_on_a);
   for (int i = 0; i < dyn->body_count; i++) dyn->force[i] = dyn->torque[i] = gv_v3(0, 0, 0);
   return used;
 }
 
-void gv_dynamics_forget(gv_dynamics *dyn) { dyn->direct.last_count = 0; }
+void gv_dynamics_forget(gv_dynamics *dyn) { gv_solver_newton.forget(&dyn->newton); }
 
 void gv_dynamics_warm_up(gv_dynamics *dyn) {
   static const gv_dynamics_contact floor = {.body_a = 0, .body_b = 1, .normal = {0, 0, 1}, .friction_dir = {1, 0, 0}, .mu = 1};

@@ -4,20 +4,11 @@
 #ifndef DYNAMICS_H
 #define DYNAMICS_H
 
+#include "dynamics/problem.h"
 #include "hand/coupling.h"
 #include "gloved/arena.h"
 
-enum { GV_BODIES = GV_LIMBS + GV_MAX_OBJECTS };
-
 typedef struct gv_dynamics gv_dynamics;
-
-typedef struct gv_dynamics_contact {
-  int body_a, body_b;           // normal points from b to a; a is never static
-  gv_vec3 position, normal, friction_dir;  // world; friction_dir unit, at right angles to the normal
-  double depth;                 // metres; negative: gap, which the step may close but not pass
-  gv_friction friction;
-  double mu;                    // coefficient, or newtons with GV_FRICTION_FIXED_LIMIT
-} gv_dynamics_contact;
 
 // Inertia per mass (m^2) of the sphere with the volume of a box of these full sizes (Table 1).
 double gv_sphere_inertia_of_box(gv_vec3 size_m);

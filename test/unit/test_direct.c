@@ -16,7 +16,7 @@ static gv_vec3 draw_vector(double size) { return gv_v3(draw(-size, size), draw(-
 
 typedef struct problem {
   gv_config cfg;
-  gv_direct_body body[GV_BODIES];
+  gv_problem_body body[GV_BODIES];
   double inv_mass[BODIES];
   gv_mat3 inv_inertia[BODIES];
   gv_dynamics_contact contact[CONTACTS];
@@ -29,7 +29,7 @@ static int number(int b) { return b <= 3 ? b : GV_LIMBS + b; }
 static int of_number(int n) { return n < GV_LIMBS ? n : n - GV_LIMBS; }
 
 static void draw_body(problem *q, int i, bool moves) {
-  gv_direct_body *b = &q->body[number(i)];
+  gv_problem_body *b = &q->body[number(i)];
   b->p = draw_vector(0.05);
   if (!moves) return;
   b->mass = draw(0.01, 0.3);
@@ -87,7 +87,7 @@ static void apply(const problem *q, const double impulse[ROWS], double out_v[6 *
     double sum[6] = {0};
     for (int r = 0; r < 3 * q->count; r++)
       for (int k = 0; k < 6; k++) sum[k] += q->jacobian[r][6 * b + k] * impulse[r];
-    const gv_direct_body *body = &q->body[number(b)];
+    const gv_problem_body *body = &q->body[number(b)];
     gv_vec3 w = gv_add(body->w, gv_mat3_mul(&q->inv_inertia[b], gv_v3(sum[3], sum[4], sum[5])));
     gv_vec3 v = gv_mad(body->v, q->inv_mass[b], gv_v3(sum[0], sum[1], sum[2]));
     const double all[6] = {v.x, v.y, v.z, w.x, w.y, w.z};
@@ -123,11 +123,19 @@ static void check_solution(const problem *q, const gv_vec3 force[], bool coulomb
   }
 }
 
-// The solver's own answer, the problem left as it is.
-static bool solve(gv_direct *direct, const problem *q, gv_vec3 force[]) {
-  gv_direct_body body[GV_BODIES];
-  memcpy(body, q->body, sizeof body);
-  return gv_direct_solve(direct, &q->cfg, body, q->contact, q->count, force);
+// Newtons on body a of each contact.
+static gv_outcome solve(gv_direct *direct, const problem *q, gv_vec3 force[]) {
+  static gv_problem stated;
+  gv_velocity velocity[GV_BODIES];
+  int index[CONTACTS];
+  stated.step_s = q->cfg.step_s;
+  stated.budget_s = 0.5 * q->cfg.step_s;
+  stated.body_count = GV_BODIES;
+  memcpy(stated.body, q->body, sizeof q->body);
+  gv_problem_set_contacts(&stated, &q->cfg, q->contact, q->count, index);
+  gv_outcome outcome = gv_solver_newton.solve(direct, &stated, velocity, force);
+  for (int i = 0; i < q->count; i++) force[i] = gv_scale(force[i], 1.0 / q->cfg.step_s);
+  return outcome;
 }
 
 static void test_contact_conditions(void) {

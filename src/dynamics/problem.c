@@ -1,0 +1,50 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// The contact law: how far a contact's gap, penetration, softness and friction (Eqn 9, 10) fix the velocities after the
+// step. Pure; real-time thread.
+#include "dynamics/problem.h"
+
+#include <assert.h>
+
+static const double most_correcting_m_s = 0.25;  // a limb that finds itself deep inside an object is let out gently, not shot
+
+// A gap may close within this step, not more; a penetration leaves by the share ERP of itself.
+static double target_velocity(const gv_config *cfg, double depth) {
+  if (depth < 0.0) return depth / cfg->step_s;
+  return fmin(cfg->contact_erp * depth / cfg->step_s, most_correcting_m_s);
+}
+
+static bool is_sound(const gv_dynamics_contact *c) {
+  if (!gv_v3_finite(c->position) || !gv_v3_finite(c->normal) || !gv_v3_finite(c->friction_dir)) return false;
+  return isfinite(c->depth) && isfinite(c->mu) && fabs(gv_norm2(c->normal) - 1.0) < 1e-6;
+}
+
+// Softness on the normal row alone: friction rows that inherit a large CFM creep and drop the object.
+static void set_contact(gv_problem_contact *out, const gv_config *cfg, const gv_dynamics_contact *c) {
+  const bool coulomb = c->friction == GV_FRICTION_PYRAMID;
+  out->body_a = c->body_a;
+  out->body_b = c->body_b;
+  out->point = c->position;
+  out->frame[0] = c->normal;
+  out->frame[1] = c->friction_dir;
+  out->frame[2] = gv_cross(c->normal, c->friction_dir);
+  out->target_velocity = target_velocity(cfg, c->depth);
+  out->normal_compliance = cfg->contact_cfm / cfg->step_s;
+  out->tangent_compliance = cfg->world_cfm / cfg->step_s;
+  out->friction = c->friction;
+  out->mu = coulomb ? c->mu : 0.0;
+  out->friction_limit = coulomb ? 0.0 : c->mu * cfg->step_s;
+}
+
+void gv_problem_set_contacts(gv_problem *problem, const gv_config *cfg, const gv_dynamics_contact contact[], int count,
+                             int out_index[]) {
+  assert(count <= GV_MAX_CONTACTS);
+  problem->contact_count = 0;
+  for (int i = 0; i < count; i++) {
+    const gv_dynamics_contact *c = &contact[i];
+    assert(c->body_a != c->body_b && c->body_a < problem->body_count && c->body_b < problem->body_count);
+    if (!is_sound(c)) continue;
+    out_index[problem->contact_count] = i;
+    set_contact(&problem->contact[problem->contact_count], cfg, c);
+    problem->contact_count++;
+  }
+}
