@@ -295,6 +295,7 @@ static bool can_ended(void *self) {
   (void)self;
   return false;
 }
+static int can_descriptor(void *self) { return ((can *)self)->socket >> 1; }
 static gv_driver_stats can_stats(void *self) { return ((can *)self)->stats; }
 
 static void close_can(void *self) {
@@ -370,6 +371,7 @@ int gv_can_open(const char *url, gv_driver *out, char *err, size_t err_size) {
   if (!(socket & 1))
     snprintf(err, err_size, "%s: %s is classic CAN: a command takes 1 frame, a glove sample 6, a pose 8, a status 3, and at 1 Mbit/s "
              "about 8 fit a millisecond (1 kHz of forces with a glove at 150 Hz and a tracker at 60 Hz; faster ones need CAN FD)", url, iface);
-  *out = (gv_driver){.self = c, .poll = poll_can, .send = send_can, .ended = can_ended, .stats = can_stats, .close = close_can};
+  *out = (gv_driver){.self = c, .poll = poll_can, .send = send_can, .ended = can_ended, .stats = can_stats, .close = close_can,
+                     .descriptor = can_descriptor};
   return 0;
 }

@@ -129,6 +129,7 @@ int gv_cyberglove_open(const char *url, const gv_calibration *cal, gv_side side,
     free(d);
     return -1;
   }
-  *out = (gv_driver){d, poll_cyberglove, serial_source_send, serial_source_ended, serial_source_stats, serial_source_close};
+  *out = (gv_driver){d, poll_cyberglove, serial_source_send, serial_source_ended, serial_source_stats, serial_source_close,
+                     serial_source_descriptor};
   return 0;
 }

@@ -79,6 +79,12 @@ static gv_driver_stats pair_stats(void *self) {
   return a;
 }
 
+// The glove's frames are the clock where a device is one; the tracker's wait for them.
+static int pair_descriptor(void *self) {
+  const gv_driver *fcu = &((pair *)self)->fcu.driver;
+  return fcu->descriptor ? fcu->descriptor(fcu->self) : -1;
+}
+
 static void close_pair(void *self) {
   pair *p = self;
   p->fcu.driver.close(p->fcu.driver.self);
@@ -96,6 +102,6 @@ int gv_pair_open(gv_driver fcu, gv_driver tracker, gv_driver *out, char *err, si
   }
   p->fcu.driver = fcu;
   p->tracker.driver = tracker;
-  *out = (gv_driver){p, poll_pair, send_pair, pair_ended, pair_stats, close_pair};
+  *out = (gv_driver){p, poll_pair, send_pair, pair_ended, pair_stats, close_pair, pair_descriptor};
   return 0;
 }

@@ -45,6 +45,8 @@ bool serial_source_ended(void *self) {
   return false;
 }
 
+int serial_source_descriptor(void *self) { return atomic_load(&((serial_source *)self)->port.fd); }
+
 gv_driver_stats serial_source_stats(void *self) {
   serial_source *s = self;
   const unsigned up = atomic_load(&s->port.fd) >= 0, connections = atomic_load(&s->port.connections);

@@ -36,6 +36,7 @@ int serial_source_open(serial_source *s, int (*set_up)(void *self, int fd), void
 int serial_source_send(void *self, const gv_frame *frame, int count);
 bool serial_source_ended(void *self);
 gv_driver_stats serial_source_stats(void *self);
+int serial_source_descriptor(void *self);
 void serial_source_close(void *self);
 
 #endif

@@ -140,6 +140,7 @@ static bool udp_ended(void *self) {
   (void)self;
   return false;
 }
+static int udp_descriptor(void *self) { return ((udp *)self)->fd; }
 static gv_driver_stats udp_stats(void *self) { return ((udp *)self)->stats; }
 static void close_udp(void *self) {
   udp *u = self;
@@ -255,7 +256,7 @@ int gv_udp_open(const char *url, gv_driver *out, char *err, size_t err_size) {
              url, parts.listen, strerror(errno));
   else {
     *out = (gv_driver){.self = u, .poll = poll_udp, .send = send_udp, .ended = udp_ended, .stats = udp_stats,
-                       .close = close_udp};
+                       .close = close_udp, .descriptor = udp_descriptor};
     return 0;
   }
   close_udp(u);

@@ -38,6 +38,9 @@ typedef struct gv_driver {
   bool (*ended)(void *self);              // nothing will ever come again (end of a recording)
   gv_driver_stats (*stats)(void *self);
   void (*close)(void *self);
+  // Descriptor that poll(2) calls readable when frames may have come (now and then without one), -1 while there is
+  // none, for example with the device unplugged; it may become another one at any time. Null: never (in the process).
+  int (*descriptor)(void *self);
 } gv_driver;
 
 // Valid FD length that holds `len` bytes (9 -> 12); 0..64.

@@ -120,6 +120,10 @@ static int set_up(program *p) {
   if (open_world(p)) return -1;
   if (gv_device_open(&p->settings, &p->driver, &p->pace, p->err, sizeof p->err)) return -1;
   if (p->err[0]) fprintf(stderr, "gloved: %s\n", p->err);
+  if (p->settings.sync_device && !p->driver.descriptor) {
+    snprintf(p->err, sizeof p->err, "--fcu %s: its frames come when they are asked for; --sync device is for a device on a wire", p->settings.fcu);
+    return -1;
+  }
   if (open_telemetry(p) || open_recorder(p)) return -1;
   return open_summary(p);
 }
@@ -137,6 +141,7 @@ static void start_loop(program *p) {
     .periods_max = (int64_t)(p->options.duration_s * settings->rate_hz + 0.5),
     .pace = p->pace,
     .alarm_s = GIVE_UP_S,
+    .sync_device = settings->sync_device,
     .record = p->recorder.file != NULL,
     .realtime = p->pace == GV_PACE_FREE ? none : realtime,
   };

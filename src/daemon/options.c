@@ -61,6 +61,7 @@ int gv_options_parse(int argc, char **argv, gv_options *out, char *err, size_t e
     {"--rate", NULL, &out->rate_hz, NULL, GV_RATE_MIN_HZ, GV_RATE_MAX_HZ},
     {"--duration", NULL, &out->duration_s, NULL, 0.001, 1e6},
     {"--lcm", &out->lcm, NULL, NULL, 0, 0},         {"--log", &out->log, NULL, NULL, 0, 0},
+    {"--sync", &out->sync, NULL, NULL, 0, 0},
     {"--summary", &out->summary, NULL, NULL, 0, 0}, {"--record", &out->record, NULL, NULL, 0, 0},
     {"--no-rt", NULL, NULL, &out->no_rt, 0, 0},
     {"--check", NULL, NULL, &out->check, 0, 0},     {"--help", NULL, NULL, &out->help, 0, 0},
@@ -104,6 +105,11 @@ int gv_options_settings(const gv_options *options, gv_settings *out, char *err, 
     snprintf(err, err_size, "rate %g Hz is out of range; give a number from %d to %d", out->rate_hz, GV_RATE_MIN_HZ, GV_RATE_MAX_HZ);
     return -1;
   }
+  out->sync_device = out->sync_device || options->sync;
+  if (options->sync && strcmp(options->sync, "device") != 0) {
+    snprintf(err, err_size, "--sync \"%.40s\" is none; write --sync device, or leave it out for the loop's own clock", options->sync);
+    return -1;
+  }
   const char *field = gv_config_check(&out->engine);
   if (!field) return 0;
   snprintf(err, err_size, "configuration: %s is not finite or out of range; correct it in %s", field,
@@ -130,6 +136,7 @@ const char *gv_options_help(void) {
     "  --tracker URL     a tracker of its own; otherwise the poses come with the frames:\n"
     "                      serial:DEV?type=fastrak     Polhemus FASTRAK, receiver 1 head, 2 hand\n"
     "  --rate HZ         periods per second, 100 to 10000 (1000)\n"
+    "  --sync device     a step begins with the glove's frame; without one, by the loop's own clock\n"
     "  --duration S      end after S seconds\n"
     "  --lcm URL|none    where to publish (udpm://239.255.76.67:7667?ttl=0)\n"
     "  --log FILE.lcm    write what is published into a log, too\n"

@@ -5,6 +5,7 @@
 #include <pthread.h>
 #include <string.h>
 #include <time.h>
+#include <unistd.h>
 #include <zlib.h>
 
 #include "daemon/loop/heap.h"
@@ -181,7 +182,7 @@ static void test_skipped_periods(void) {
 }
 
 // A driver without a device: ends after `polls`, and does `mischief` in one of them.
-typedef struct fake { int polls, polled, mischief_at, sent; void (*mischief)(void); gv_frame last; } fake;
+typedef struct fake { int polls, polled, mischief_at, sent, readable; void (*mischief)(void); gv_frame last; } fake;
 
 static int poll_fake(void *self, int64_t now_ns, gv_frame *out, int max) {
   fake *f = self;
@@ -198,17 +199,19 @@ static int send_fake(void *self, const gv_frame *frame, int count) {
 static bool fake_ended(void *self) { return ((fake *)self)->polled >= ((fake *)self)->polls; }
 static gv_driver_stats fake_stats(void *self) { return (void)self, (gv_driver_stats){0}; }
 static void close_fake(void *self) { (void)self; }
+static int fake_descriptor(void *self) { return ((fake *)self)->readable; }
 
 static gv_loop loop;
 static gv_session session;
 
 // One run of the loop on an empty world. Returns the number of engine steps.
 static uint64_t run_loop(fake *device, gv_pace pace, int64_t periods_max, bool stopped) {
-  gv_driver driver = {device, poll_fake, send_fake, fake_ended, fake_stats, close_fake};
+  gv_driver driver = {device, poll_fake, send_fake, fake_ended, fake_stats, close_fake, device->readable ? fake_descriptor : NULL};
   gv_config config = gv_config_default();
   const gv_scene nothing = {.gravity_m_s2 = {0, 0, -9.81}};
   const gv_session_config session_config = {gv_limiter_config_default(), gv_safety_config_default(), GV_RIGHT, 0.001};
-  const gv_loop_config loop_config = {.period_ns = 1000000, .periods_max = periods_max, .pace = pace, .realtime = {.cpu = GV_CPU_ANY}};
+  const gv_loop_config loop_config = {.period_ns = 1000000, .periods_max = periods_max, .pace = pace, .sync_device = device->readable > 0,
+                                      .realtime = {.cpu = GV_CPU_ANY}};
   const size_t size = gv_engine_size(&config, &nothing);
   void *memory = calloc(1, size);
   atomic_bool stop;
@@ -289,6 +292,18 @@ static void test_live_duration_is_time(void) {
   CHECK(steps <= 27 && steps + (int64_t)loop.overruns >= 30, "%d steps and %d skipped periods", (int)steps, (int)loop.overruns);
 }
 
+// A device that floods with what is no frame of the glove, or whose descriptor is in an error for good.
+static void test_a_descriptor_that_stays_readable_does_not_spin_the_loop(void) {
+  int end[2];
+  CHECK(pipe(end) == 0 && write(end[1], "x", 1) == 1, "no pipe");
+  fake device = {.polls = 100000, .readable = end[0]};
+  const int64_t steps = (int64_t)run_loop(&device, GV_PACE_LIVE, 30, false);
+  CHECK(steps + (int64_t)loop.overruns == 30 && loop.on_frame == 0 && (int64_t)loop.on_clock == steps, "%d steps", (int)steps);
+  CHECK(device.polled > steps && device.polled <= 34 * steps, "%d looks in %d steps", device.polled, (int)steps);
+  close(end[0]);
+  close(end[1]);
+}
+
 int main(void) {
   RUN(test_heap_calls_are_counted);
   RUN(test_heap_calls_of_others_are_not_counted);
@@ -303,5 +318,6 @@ int main(void) {
   RUN(test_loop_counts_a_page_fault);
   RUN(test_loop_skips_whole_periods);
   RUN(test_live_duration_is_time);
+  RUN(test_a_descriptor_that_stays_readable_does_not_spin_the_loop);
   return check_done();
 }

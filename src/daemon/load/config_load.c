@@ -224,6 +224,7 @@ static void read_realtime(gv_conf_group *root, gv_settings *out) {
   gv_conf_integer(&realtime, "cpu", -1, 1023, &out->cpu);
   gv_conf_integer(&realtime, "priority", 0, 99, &out->rt_priority);
   gv_conf_bool(&realtime, "mlock", &out->mlock);
+  gv_conf_bool(&realtime, "sync_device", &out->sync_device);
   gv_conf_leave(&realtime);
 }
 

@@ -26,6 +26,7 @@ typedef struct gv_settings {
   double rate_hz;                    // periods per second of the real-time loop
   int cpu;                           // core the loop is pinned to; -1: the last one, where there are several
   int rt_priority;                   // SCHED_FIFO 1..99; 0: no real-time scheduling
+  bool sync_device;                  // --sync device: the glove's frame begins a step
   bool mlock;                        // keep all memory in RAM
 } gv_settings;
 

@@ -1,20 +1,25 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // The real-time thread: sleep until the deadline (clock_nanosleep, absolute, CLOCK_MONOTONIC), take the
 // devices' frames, one session step, send the command, tell the slow thread. A deadline that was missed is
-// not caught up with: whole periods are skipped and counted.
+// not caught up with: whole periods are skipped and counted. With sync_device the sleep is ppoll on the driver's
+// descriptor, and the glove's frame ends it (sync.h).
 #include "daemon/loop/loop.h"
 
 #include <errno.h>
+#include <poll.h>
 #include <string.h>
 #include <time.h>
 #include <unistd.h>
 
 #include "daemon/loop/heap.h"
+#include "gloved/fcu.h"
 
 enum {
   FINAL_ZERO_COMMANDS = 3,
   RECORDS_A_STEP = 32,  // 7 engine events, overrun, other hand, state, 16 requests, and room
   STEP_RECORDS_A_STEP = GV_LOOP_FRAMES / GV_STEP_FRAMES,
+  LOOKS_A_PERIOD = 32,  // at a descriptor that is readable and has no frame of the glove: bounds a flood
+  REPORT_SYNC = 30,
   REPORT_OVERRUN = 31
 };
 
@@ -87,6 +92,10 @@ static void report_events(gv_loop *loop) {
     push_record(loop, GV_RECORD_OTHER_HAND, 0);
     loop->other_hand_reported = true;
   }
+  if (loop->sync.following != loop->following_reported && may_report(loop, REPORT_SYNC)) {
+    push_record(loop, GV_RECORD_SYNC, loop->sync.following);
+    loop->following_reported = loop->sync.following;
+  }
   if (session->safety.state == loop->state_reported) return;
   push_record(loop, GV_RECORD_STATE, session->safety.faults);
   loop->state_reported = session->safety.state;
@@ -117,7 +126,8 @@ static void push_snapshot(gv_loop *loop) {
   loop->events = 0;
 }
 
-static void push_steps(gv_loop *loop, int frame_count, int64_t wake_ns, int64_t work_ns) {
+static void push_steps(gv_loop *loop, int64_t wake_ns, int64_t work_ns) {
+  const int frame_count = loop->frame_count;
   for (int first = 0; first == 0 || first < frame_count; first += GV_STEP_FRAMES) {
     gv_step_record *record = gv_ring_reserve(&loop->steps);
     if (!record) return;
@@ -148,6 +158,49 @@ static void tell(gv_loop *loop, int64_t step) {
   report_events(loop);
   if (every <= 1 || step % every == 0) push_snapshot(loop);
   atomic_store_explicit(&loop->heap_calls, loop->heap_calls_before + gv_heap_calls(), memory_order_relaxed);
+}
+
+// ---- frames --------------------------------------------------------------------------------------------
+
+static void take_frames(gv_loop *loop, int64_t now_ns) {
+  const gv_driver *driver = loop->driver;
+  loop->frame_count += driver->poll(driver->self, now_ns, &loop->frame[loop->frame_count], GV_LOOP_FRAMES - loop->frame_count);
+}
+
+// The newest frame of the glove from `first` on; null: none.
+static const gv_frame *glove_among(const gv_loop *loop, int first) {
+  for (int i = loop->frame_count - 1; i >= first; i--)
+    if (loop->frame[i].id == GV_ID_GLOVE) return &loop->frame[i];
+  return NULL;
+}
+
+// Until the descriptor is readable, or the time is over.
+static void sleep_on_descriptor(const gv_loop *loop, int64_t until_ns) {
+  const int64_t rest_ns = until_ns - clock_ns(CLOCK_MONOTONIC);
+  struct pollfd wait = {.fd = loop->driver->descriptor(loop->driver->self), .events = POLLIN};
+  const struct timespec rest = {rest_ns / 1000000000, rest_ns % 1000000000};
+  if (rest_ns > 0) ppoll(&wait, 1, &rest, NULL);
+}
+
+// --sync device: sleeps until the glove's frame opens the step that is due, or until its window closes. Frames are
+// taken on the way. *io_due_ns follows the frame; returns when the step should have begun.
+static int64_t wait_for_device(gv_loop *loop, int64_t *io_due_ns) {
+  const int64_t opens_ns = gv_sync_opens_ns(&loop->sync, *io_due_ns), closes_ns = gv_sync_closes_ns(&loop->sync, *io_due_ns);
+  int64_t frame_ns = INT64_MIN, now_ns = clock_ns(CLOCK_MONOTONIC);
+  for (int looks = 0; frame_ns < opens_ns && now_ns < closes_ns; looks++) {
+    if (looks < LOOKS_A_PERIOD) sleep_on_descriptor(loop, closes_ns);
+    else sleep_until(closes_ns);
+    const int before = loop->frame_count;
+    now_ns = clock_ns(CLOCK_MONOTONIC);
+    take_frames(loop, now_ns);
+    const gv_frame *glove = glove_among(loop, before);
+    if (glove) frame_ns = glove->stamp_ns;
+  }
+  const bool on_frame = frame_ns >= opens_ns;
+  add_relaxed(on_frame ? &loop->on_frame : &loop->on_clock, 1);
+  gv_sync_count(&loop->sync, on_frame);
+  if (frame_ns != INT64_MIN) *io_due_ns = gv_sync_follow(&loop->sync, *io_due_ns, frame_ns);
+  return on_frame ? frame_ns : closes_ns;
 }
 
 // ---- the loop -----------------------------------------------------------------------------------------
@@ -216,30 +269,33 @@ static gv_exit run(gv_loop *loop) {
   gv_exit reason;
   gv_frame command;
   for (bool first = true; (reason = why_to_end(loop)) == GV_EXIT_RUNNING; first = false, loop->number++) {
+    int64_t wake_ns = deadline_ns;
+    loop->frame_count = 0;
     if (pace == GV_PACE_FREE) wait_for_space(loop);
+    else if (loop->cfg.sync_device) wake_ns = wait_for_device(loop, &deadline_ns);
     else sleep_until(deadline_ns);
     const int64_t start_ns = clock_ns(CLOCK_MONOTONIC);
     loop->step_ns = loop->number * loop->cfg.period_ns;
     loop->now_ns = pace == GV_PACE_LIVE ? start_ns : loop->step_ns;
-    const int count = driver->poll(driver->self, loop->now_ns, loop->frame, GV_LOOP_FRAMES);
+    take_frames(loop, loop->now_ns);
     const int64_t polled_ns = clock_ns(CLOCK_MONOTONIC);
     obey_requests(loop);
     // In virtual time nothing is late, and a simulated user must not feel the host's load.
     const unsigned overruns = pace == GV_PACE_LIVE ? loop->overruns_now : 0;
-    gv_session_step(loop->session, loop->now_ns, loop->frame, count, overruns, &command);
+    gv_session_step(loop->session, loop->now_ns, loop->frame, loop->frame_count, overruns, &command);
     const int64_t computed_ns = clock_ns(CLOCK_MONOTONIC);
     driver->send(driver->self, &command, 1);
     const int64_t sent_ns = clock_ns(CLOCK_MONOTONIC);
-    record_frames(loop, loop->frame, count);
+    record_frames(loop, loop->frame, loop->frame_count);
     record_frames(loop, &command, 1);
     tell(loop, loop->number);
     if (first) watch_faults(loop);
     const int64_t done_ns = clock_ns(CLOCK_MONOTONIC);
     add_times(loop, (const int64_t[]){start_ns, polled_ns, computed_ns, sent_ns, done_ns});
     if (atomic_load_explicit(&loop->trace, memory_order_relaxed))
-      push_steps(loop, count, pace == GV_PACE_FREE ? 0 : start_ns - deadline_ns, done_ns - start_ns);
+      push_steps(loop, pace == GV_PACE_FREE ? 0 : start_ns - wake_ns, done_ns - start_ns);
     if (pace == GV_PACE_FREE) continue;
-    gv_histogram_add(&loop->wake, start_ns - deadline_ns);
+    gv_histogram_add(&loop->wake, start_ns - wake_ns);
     deadline_ns = next_deadline(loop, deadline_ns, done_ns);
   }
   return reason;
@@ -267,6 +323,7 @@ void gv_loop_init(gv_loop *loop, const gv_loop_config *cfg, gv_session *session,
   loop->cfg = *cfg;
   loop->session = session;
   loop->driver = driver;
+  loop->sync.period_ns = cfg->period_ns;
   loop->object_count = object_count;
   loop->stop = stop;
   loop->state_reported = session->safety.state;

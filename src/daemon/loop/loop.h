@@ -2,7 +2,8 @@
 // The real-time loop: one thread, one absolute deadline per period. It never prints, blocks or
 // allocates; what it has to tell goes into three rings that the slow thread empties.
 //
-//   live   time is CLOCK_MONOTONIC; the devices run by themselves (udp:)
+//   live   time is CLOCK_MONOTONIC; the devices run by themselves (udp:); with sync_device a step begins with the
+//          glove's frame (sync.h)
 //   paced  time is step number x period, slept for in real time: a recording or a simulated device gives the
 //          same result as in `free`
 //   free   the same time, as fast as possible (?speed=0)
@@ -15,6 +16,7 @@
 #include "daemon/loop/realtime.h"
 #include "daemon/loop/ring.h"
 #include "daemon/loop/snapshot.h"
+#include "daemon/loop/sync.h"
 
 typedef enum gv_pace { GV_PACE_LIVE, GV_PACE_PACED, GV_PACE_FREE } gv_pace;
 
@@ -32,6 +34,7 @@ typedef struct gv_loop_config {
   int64_t period_ns;
   int64_t periods_max;       // skipped ones count in live pace; 0: until the driver ends or a signal comes
   gv_pace pace;
+  bool sync_device;          // live pace and a driver with a descriptor: its frame is the clock
   bool record;               // every frame goes into the ring `frames`
   gv_realtime_config realtime;
   unsigned alarm_s;          // SIGALRM so many seconds after the end, for a slow thread that hangs; 0: none
@@ -55,9 +58,10 @@ typedef struct gv_loop {
   _Atomic int exit;          // gv_exit; other than running: the loop has ended
   _Atomic int refusals;      // gv_refusal bits of the thread's set-up; -1: not known yet
   gv_histogram stage[GV_STAGES];     // parts of `step`
-  gv_histogram step, wake;   // work of a period; deadline to start of work (not in free pace)
+  gv_histogram step, wake;   // work of a period; deadline (sync_device: the frame's stamp) to start of work (not in free pace)
   _Atomic uint64_t missed_deadlines; // steps that were not done within their period
   _Atomic uint64_t overruns;         // whole periods skipped because of them
+  _Atomic uint64_t on_frame, on_clock; // with sync_device: steps that began with a glove's frame, and without one
   _Atomic uint64_t heap_calls;       // in this thread since the end of its first step
   gv_page_faults page_faults;        // likewise
   gv_safety_state state_before_stop; // of the safety machine when the loop began to end
@@ -79,9 +83,11 @@ typedef struct gv_loop {
   int64_t step_ns;                   // its number x period
   uint32_t events;                   // engine events since the last snapshot
   gv_safety_state state_reported;
-  bool other_hand_reported;
-  int64_t next_report[32];           // step before which an engine event bit is not reported again; 31: overruns
-  gv_frame frame[GV_LOOP_FRAMES];
+  bool other_hand_reported, following_reported;
+  int64_t next_report[32];           // step before which an engine event bit is not reported again; 30: sync, 31: overruns
+  gv_sync sync;
+  gv_frame frame[GV_LOOP_FRAMES];    // of this step
+  int frame_count;
   gv_snapshot snapshot_slot[GV_LOOP_SNAPSHOTS];
   gv_record record_slot[GV_LOOP_RECORDS];
   gv_step_record step_slot[GV_LOOP_STEPS];

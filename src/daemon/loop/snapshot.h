@@ -64,6 +64,7 @@ typedef enum gv_record_kind {
   GV_RECORD_ENGINE,   // a gv_event bit came up (at most once a second each)
   GV_RECORD_OVERRUN,  // periods were skipped (at most once a second)
   GV_RECORD_OTHER_HAND, // once: the glove is for the other hand than the configuration
+  GV_RECORD_SYNC,     // bits 1: the device's frames are the clock; 0: they stay away, the loop's own is
   GV_RECORD_REQUEST   // a gv_request was done or refused: bits = kind, + GV_RECORD_REFUSED
 } gv_record_kind;
 

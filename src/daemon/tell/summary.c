@@ -52,6 +52,8 @@ static void put_engine(FILE *out, const gv_session *session) {
 
 static void put_loop(FILE *out, const gv_loop *loop) {
   fprintf(out, "  \"missed_deadlines\": %" PRIu64 ",\n  \"overruns\": %" PRIu64 ",\n", loop->missed_deadlines, loop->overruns);
+  if (loop->cfg.sync_device)
+    fprintf(out, "  \"sync\": {\"on_frame\": %" PRIu64 ", \"on_clock\": %" PRIu64 "},\n", loop->on_frame, loop->on_clock);
   put_quantiles(out, "step_us", &loop->step);
   put_quantiles(out, "wake_us", &loop->wake);
   fprintf(out, "  \"rt_heap_calls\": %" PRIu64 ",\n  \"rt_page_faults\": {\"major\": %" PRId64 ", \"minor\": %" PRId64 "},\n",
@@ -137,6 +139,8 @@ void gv_summary_print(const gv_summary *s, FILE *out) {
   fprintf(out, "  missed deadlines %" PRIu64 ", periods skipped %" PRIu64 "; in the real-time thread %" PRIu64
           " heap calls, %" PRId64 " page faults\n", loop->missed_deadlines, loop->overruns, loop->heap_calls,
           loop->page_faults.major + loop->page_faults.minor);
+  if (loop->cfg.sync_device)
+    fprintf(out, "  steps begun by the glove's frame %" PRIu64 ", by the own clock %" PRIu64 "\n", loop->on_frame, loop->on_clock);
   fprintf(out, "  frames in %" PRIu64 ", out %" PRIu64 ", lost %" PRIu64 ", bad %" PRIu64 ", late %" PRIu64 "\n",
           session->frames.rx, session->frames.tx, session->frames.lost, session->frames.bad + s->driver.bad, session->frames.late);
   if (s->telemetry_failed) fprintf(out, "  %" PRIu64 " messages were refused by LCM or the disk\n", s->telemetry_failed);
