@@ -145,6 +145,7 @@ static double script_time(const gv_sim *sim) {
 static void step(gv_sim *sim) {
   sim->now_ns += SIM_STEP_NS;
   sim->intent = gv_sim_script_at(&sim->script, script_time(sim));
+  sim_user_step(sim);
   sim_force_step(sim);
   if (gv_sim_ended(sim)) return;
   tick_stamp_clock(sim);
@@ -194,7 +195,8 @@ void gv_sim_init(gv_sim *sim, const gv_sim_script *script, const gv_sim_device *
   sim->script = *script;
   sim->device = device ? *device : script->device;
   sim->calibration = gv_calibration_default();
-  sim->random = 0x9e3779b97f4a7c15ULL * (seed ? seed : script->seed);
+  sim->seed = seed ? seed : script->seed;
+  sim->random = 0x9e3779b97f4a7c15ULL * sim->seed;
   if (sim->random == 0) sim->random = 1;
   sim->now_ns = -SIM_STEP_NS;
   sim->start_ns = -1;

@@ -54,6 +54,11 @@ static const setting table[] = {
   SETTING(inertia_1, 1e-6, 1, 1e-4, 1e-4),
   SETTING(inertia_2, 1e-6, 1, 3e-5, 3e-5),
   SETTING(damping_ratio, 0, 10, 1, 1),
+  SETTING(sway_rad, 0, 0.5, 0, 0),
+  SETTING(sway_m, 0, 0.1, 0, 0),
+  SETTING(sway_hz, 0.01, 20, 2, 2),
+  SETTING(tremor_rad, 0, 0.1, 0, 0),
+  SETTING(tremor_hz, 1, 30, 9, 9),
 };
 enum { SETTINGS = sizeof table / sizeof table[0] };
 _Static_assert(SETTINGS * sizeof(double) == sizeof(gv_sim_device), "every member has its row");

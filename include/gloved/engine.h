@@ -31,10 +31,12 @@ typedef struct gv_config {
   gv_coupling limb, palm;
   gv_rotation_law rotation_law;
   bool limb_gravity;           // gravity acts on the limbs' own mass (the paper's world has it)
-  double filter_hz;            // corner of the critically damped sample filter; 0: off. Delay 1 / (pi filter_hz)
-  double gate_rad;             // a joint that jumps more than this in one sample is held back until a second
-                               // sample agrees; 0: off
-  double gate_m;               // the same for the tracker's position (its orientation goes by gate_rad)
+  double filter_hz;            // highest corner of the critically damped sample filter; 0: off. Delay 1 / (pi corner)
+  double filter_rest_hz;       // corner for what stands still; it goes up with speed, to filter_hz at 0.64 rad/s
+                               // or 0.29 m/s. 0: filter_hz always
+  double gate_rad_s;           // a joint that is faster than this from one sample to the next (10 ms at the least) is held
+                               // back until a second sample agrees; 0: off
+  double gate_m_s;             // the same for the tracker's position (its orientation goes by gate_rad_s)
   double prediction_s;         // extrapolate the filtered hand by this much along its velocity; 0: off, as without the filter
   // contact
   gv_friction friction;        // of the hand's skin

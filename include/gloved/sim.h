@@ -49,6 +49,9 @@ typedef struct gv_sim_device {
   double stiffness_0, stiffness_1, stiffness_2; // N m/rad
   double inertia_0, inertia_1, inertia_2;       // kg m^2
   double damping_ratio;      // 1: critical
+  // what the user's hand does besides the script: every joint and the wrist, each with a phase of its own (by the seed)
+  double sway_rad, sway_m, sway_hz;       // amplitude of a slow movement: of each flexion joint, of the wrist along each axis
+  double tremor_rad, tremor_hz;           // likewise of physiological tremor, flexion joints alone
 } gv_sim_device;
 
 gv_sim_device gv_sim_device_best(void);
@@ -120,7 +123,7 @@ typedef struct gv_sim {
   gv_sim_script script;
   gv_sim_device device;
   gv_calibration calibration;
-  uint64_t random;
+  uint64_t random, seed;
   int64_t now_ns;            // device time since init: whole milliseconds (-1 before the first step)
   int64_t start_ns;          // device time at which the script starts, negative: not yet
   // sensors

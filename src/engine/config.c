@@ -15,7 +15,7 @@ gv_config gv_config_default(void) {
     .palm = {1000.0, -1.0, 5.0, -1.0},
     .rotation_law = GV_ROTATION_LOG,
     .limb_gravity = false,
-    .filter_hz = 30.0, .gate_rad = 0.3, .gate_m = 0.05,
+    .filter_hz = 30.0, .filter_rest_hz = 1.0, .gate_rad_s = 32.0, .gate_m_s = 5.0,
     .mu_hand = 0.8,
     .friction = GV_FRICTION_PYRAMID,
     .contact_erp = 0.2, .contact_cfm = 1e-3,   // 2e5 N/m and 800 N s/m at 1 ms
@@ -54,7 +54,8 @@ const char *gv_config_check(const gv_config *c) {
     {"limb.k_t", c->limb.k_t, 0, 1e4}, {"limb.d_t", c->limb.d_t, -1, 1e3},
     {"palm.k_f", c->palm.k_f, 0, 1e6}, {"palm.d_f", c->palm.d_f, -1, 1e5},
     {"palm.k_t", c->palm.k_t, 0, 1e4}, {"palm.d_t", c->palm.d_t, -1, 1e3},
-    {"filter_hz", c->filter_hz, 0, 1000}, {"gate_rad", c->gate_rad, 0, 7}, {"gate_m", c->gate_m, 0, 10},
+    {"filter_hz", c->filter_hz, 0, 1000}, {"filter_rest_hz", c->filter_rest_hz, 0, 1000},
+    {"gate_rad_s", c->gate_rad_s, 0, 1000}, {"gate_m_s", c->gate_m_s, 0, 1000},
     {"prediction_s", c->prediction_s, 0, 0.1},
     {"mu_hand", c->mu_hand, 0, 1e4},
     {"contact_erp", c->contact_erp, 0, 1}, {"contact_cfm", c->contact_cfm, 1e-9, 1},

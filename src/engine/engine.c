@@ -166,7 +166,7 @@ static void take_sample(gv_engine *e, const gv_sample *sample) {
     }
   }
   if (!gv_condition_ready(&e->condition)) return;
-  gv_condition_step(&e->condition);
+  gv_condition_step(&e->condition, &e->cfg);
   move_driver(e);
   if (!e->placed) place_hand(e);
 }

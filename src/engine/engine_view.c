@@ -75,5 +75,6 @@ uint64_t gv_engine_hash(const gv_engine *e) {
   hash = fnv1a(hash, e->condition.rate, sizeof e->condition.rate);
   hash = fnv1a(hash, &e->condition.wrist, sizeof e->condition.wrist);
   hash = fnv1a(hash, &e->condition.v, sizeof e->condition.v);
+  hash = fnv1a(hash, e->condition.pace, sizeof e->condition.pace);
   return fnv1a(hash, &e->condition.w, sizeof e->condition.w);
 }

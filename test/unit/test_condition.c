@@ -26,36 +26,92 @@ static gv_sample glove_at(const double angle[GV_SENSORS]) {
 }
 static gv_sample pose_at(gv_pose T) { return (gv_sample){.T_world_receiver = T, .pose_new = true}; }
 
-static void test_a_ramp_is_delayed_as_stated(void) {
-  start();
-  const double speed = 0.4;
+// How far behind a ramp of this speed (rad/s) the joint is, seconds, when it has settled.
+static double delay_of_ramp(double speed, double *out_rate) {
   double angle[GV_SENSORS] = {0};
-  for (int i = 0; i < 2000; i++) {
+  start();
+  cfg.hand.angle_max_rad[GV_INDEX_PIJ] = 100.0;
+  for (int i = 0; i < 6000; i++) {
     for (int k = 0; k < GV_SENSORS; k++) angle[k] = 0.1 + speed * i * h * (k == GV_INDEX_PIJ);
-    gv_sample s = glove_at(angle);
+    const gv_sample s = glove_at(angle);
     gv_condition_sample(&c, &cfg, &s, &limited);
-    gv_condition_step(&c);
+    gv_condition_step(&c, &cfg);
   }
-  double behind_s = (angle[GV_INDEX_PIJ] - c.angle[GV_INDEX_PIJ]) / speed;
-  CHECK_NEAR(behind_s, 1 / (GV_PI * cfg.filter_hz) - 0.5 * h, 1e-6);  // a held sample is half a step old on average
-  CHECK_NEAR(c.rate[GV_INDEX_PIJ], speed, 0.005 * speed);
-  cfg.prediction_s = behind_s;
-  double out[GV_SENSORS];
+  *out_rate = c.rate[GV_INDEX_PIJ];
+  return (angle[GV_INDEX_PIJ] - c.angle[GV_INDEX_PIJ]) / speed;
+}
+
+// The corner for a speed, as condition.h states it.
+static double corner_hz(double speed) { return fmin(cfg.filter_hz, cfg.filter_rest_hz + 45.0 * speed); }
+
+static void test_a_ramp_is_delayed_as_stated(void) {
+  const double speed[] = {0.02, 0.1, 0.3, 0.6, 1.0, 3.0};
+  for (int i = 0; i < 6; i++) {
+    double rate;
+    const double behind_s = delay_of_ramp(speed[i], &rate);
+    const double stated_s = 1 / (GV_PI * corner_hz(speed[i])) - 0.5 * h;  // a held sample is half a step old on average
+    printf("figure delay at %.2f rad/s: %.1f ms, %.1f mrad behind\n", speed[i], behind_s * 1e3, behind_s * speed[i] * 1e3);
+    CHECK(fabs(behind_s - stated_s) < 0.04 * stated_s, "%g rad/s: %g ms behind, stated %g", speed[i], behind_s * 1e3, stated_s * 1e3);
+    CHECK_NEAR(rate, speed[i], 0.005 * speed[i]);
+    CHECK(speed[i] > 0.6 || behind_s * speed[i] < 1 / (GV_PI * 45.0), "%g rad behind", behind_s * speed[i]);
+  }
+}
+
+static void test_prediction_takes_the_delay_back(void) {
+  double rate, out[GV_SENSORS];
   gv_pose wrist;
+  const double behind_s = delay_of_ramp(3.0, &rate);
+  cfg.prediction_s = behind_s;
   gv_condition_output(&c, &cfg, out, &wrist);
-  CHECK_NEAR(out[GV_INDEX_PIJ], angle[GV_INDEX_PIJ], 1e-4);  // prediction takes the delay back
+  const double angle = 0.1 + 3.0 * 5999 * h;
+  CHECK_NEAR(out[GV_INDEX_PIJ], angle, 1e-3);
+}
+
+// A reading that flips between two counts of an 8-bit sensor, at 90 Hz: the hand must not follow it.
+static void test_a_sensor_that_flips_between_counts_is_still(void) {
+  double angle[GV_SENSORS] = {0}, least = 1.0, most = -1.0;
+  start();
+  for (int i = 0; i < 9000; i++) {
+    if (i % 11 == 0) {
+      angle[GV_INDEX_PIJ] = 0.5 + ((i / 11) % 2 ? 0.016 : 0.0);
+      const gv_sample s = glove_at(angle);
+      gv_condition_sample(&c, &cfg, &s, &limited);
+    }
+    gv_condition_step(&c, &cfg);
+    if (i < 2000) continue;
+    least = fmin(least, c.angle[GV_INDEX_PIJ]);
+    most = fmax(most, c.angle[GV_INDEX_PIJ]);
+  }
+  CHECK(most - least < 1e-4, "moves by %g rad", most - least);
+}
+
+// 28 degrees in 16 ms is a fast finger, not a fault of the sensor; in 1 ms it is one.
+static void test_the_gate_is_in_units_a_second(void) {
+  for (int slow = 0; slow < 2; slow++) {
+    double angle[GV_SENSORS] = {0};
+    start();
+    gv_sample s = pose_at(gv_pose_identity());
+    gv_condition_sample(&c, &cfg, &s, &limited);
+    for (int k = 0; k < 2; k++) {
+      angle[GV_INDEX_MPJ] = k * 28.0 * GV_PI / 180.0;
+      s = glove_at(angle);
+      const int held = gv_condition_sample(&c, &cfg, &s, &limited);
+      CHECK(held == (k == 1 && !slow), "after %d ms: %d held", slow ? 16 : 1, held);
+      for (int ms = 0; ms < (slow ? 16 : 1); ms++) gv_condition_step(&c, &cfg);
+    }
+  }
 }
 
 static void test_a_pose_turns_the_short_way_and_arrives(void) {
   start();
-  cfg.gate_rad = 0;
+  cfg.gate_rad_s = 0;
   gv_pose a = gv_pose_identity(), b = {gv_quat_exp(gv_v3(0.3, -2.6, 0.8)), {0.02, -0.03, 0.01}};
   gv_sample s = pose_at(a);
   gv_condition_sample(&c, &cfg, &s, &limited);
   b.q = (gv_quat){-b.q.w, -b.q.x, -b.q.y, -b.q.z};  // the same rotation
   s = pose_at(b);
   gv_condition_sample(&c, &cfg, &s, &limited);
-  for (int i = 0; i < 400; i++) gv_condition_step(&c);
+  for (int i = 0; i < 4000; i++) gv_condition_step(&c, &cfg);
   CHECK(gv_norm(gv_quat_log(gv_quat_mul(c.wrist.q, gv_quat_conj(b.q)))) < 1e-9, "orientation arrives");
   CHECK(gv_norm(gv_sub(c.wrist.p, b.p)) < 1e-9, "position arrives");
 }
@@ -75,7 +131,7 @@ static void test_single_jumps_leave_no_mark(void) {
     if (i % 50 == 11) P.q = gv_quat_exp(gv_v3(0, 0, 0.5));
     gv_sample g = glove_at(sent), p = pose_at(P);
     held += gv_condition_sample(&c, &cfg, &g, &limited) + gv_condition_sample(&c, &cfg, &p, &limited);
-    gv_condition_step(&c);
+    gv_condition_step(&c, &cfg);
     CHECK_NEAR(c.angle[GV_RING_PIJ], 0.1, 1e-12);
     CHECK(gv_norm(c.wrist.p) < 1e-12, "the wrist moved");
   }
@@ -90,7 +146,7 @@ static void test_a_true_jump_passes_at_the_second_sample(void) {
     gv_sample s = glove_at(angle);
     int held = gv_condition_sample(&c, &cfg, &s, &limited);
     CHECK(held == (i == 10), "sample %d: %d held", i, held);
-    gv_condition_step(&c);
+    gv_condition_step(&c, &cfg);
   }
   CHECK_NEAR(c.angle[GV_INDEX_MPJ], 0.8, 1e-9);
 }
@@ -146,7 +202,7 @@ static figures run(int rows, double filter_hz) {
   figures f = {0};
   start();
   cfg.filter_hz = filter_hz;
-  if (!(filter_hz > 0)) cfg.gate_rad = 0;
+  if (!(filter_hz > 0)) cfg.gate_rad_s = 0;
   gv_condition_init(&c, &cfg);
   gv_sample pose = pose_at(gv_pose_identity());
   gv_condition_sample(&c, &cfg, &pose, &limited);
@@ -167,7 +223,7 @@ static figures run(int rows, double filter_hz) {
       f.held += gv_condition_sample(&c, &cfg, &s, &limited);
       f.jumps += jump, f.samples++;
     }
-    gv_condition_step(&c);
+    gv_condition_step(&c, &cfg);
     memcpy(history[i % 100], c.angle, sizeof c.angle);
     for (int lag = 0; lag < 60; lag++)
       for (int k = 0; k < 12 && i >= 60; k++) {
@@ -192,16 +248,19 @@ static void test_recorded_hands(void) {
   if (rows < 100) { SKIP("no recordings in ../shared/data"); return; }
   figures raw = run(rows, 0), filtered = run(rows, 30);
   printf("  recorded hand, 90 Hz 8-bit glove: held %.1f ms behind, error %.4f rad, %.4f N rms a step as it comes;\n"
-         "  filtered at 30 Hz: %.1f ms, %.4f rad, %.4f N rms; %d of %d samples had a jump, %d readings held back\n",
+         "  filtered: %.1f ms, %.4f rad, %.4f N rms; %d of %d samples had a jump, %d readings held back\n",
          raw.delay_ms, raw.error_rad, raw.step_n, filtered.delay_ms, filtered.error_rad, filtered.step_n, filtered.jumps,
          filtered.samples, filtered.held);
-  CHECK(filtered.delay_ms - raw.delay_ms <= 12, "the filter adds %g ms", filtered.delay_ms - raw.delay_ms);
+  CHECK(filtered.delay_ms - raw.delay_ms <= 15, "the filter adds %g ms", filtered.delay_ms - raw.delay_ms);
   CHECK(filtered.step_n < 0.25 * raw.step_n, "force steps %g against %g N", filtered.step_n, raw.step_n);
   CHECK(filtered.held >= filtered.jumps && filtered.held <= filtered.jumps + filtered.samples / 50, "%d held, %d jumps", filtered.held, filtered.jumps);
 }
 
 int main(void) {
   RUN(test_a_ramp_is_delayed_as_stated);
+  RUN(test_prediction_takes_the_delay_back);
+  RUN(test_a_sensor_that_flips_between_counts_is_still);
+  RUN(test_the_gate_is_in_units_a_second);
   RUN(test_a_pose_turns_the_short_way_and_arrives);
   RUN(test_single_jumps_leave_no_mark);
   RUN(test_a_true_jump_passes_at_the_second_sample);

@@ -49,7 +49,7 @@ static void test_example_equals_the_defaults(void) {
   SAME(engine.hand.palm_radius_m); SAME(engine.hand.angle_min_rad); SAME(engine.hand.angle_max_rad);
   SAME(engine.calibration); SAME(engine.T_receiver_wrist); SAME(engine.limb_mass_kg); SAME(engine.palm_mass_kg);
   SAME(engine.limb); SAME(engine.palm); SAME(engine.rotation_law); SAME(engine.limb_gravity); SAME(engine.filter_hz);
-  SAME(engine.gate_rad); SAME(engine.gate_m); SAME(engine.prediction_s); SAME(engine.mu_hand); SAME(engine.friction); SAME(engine.contact_erp);
+  SAME(engine.filter_rest_hz); SAME(engine.gate_rad_s); SAME(engine.gate_m_s); SAME(engine.prediction_s); SAME(engine.mu_hand); SAME(engine.friction); SAME(engine.contact_erp);
   SAME(engine.contact_cfm); SAME(engine.world_cfm); SAME(engine.contact_margin_m); SAME(engine.solver);
   SAME(engine.dantzig_contacts); SAME(engine.quick_iterations); SAME(engine.rest_s); SAME(engine.override_gravity_m_s2);
   SAME(engine.override_mass_kg); SAME(engine.override_mu); SAME(engine.override_sphere_inertia);
@@ -102,7 +102,7 @@ static void test_settings_arrive(void) {
                       "  limits_deg = { index_pij = [5, 95]; }; };\n"
                       "receiver = { position_mm = [10, 20, -30]; orientation = [0.0, 0.0, 0.0, 1.0]; };\n"
                       "tracker_to_world = { position_mm = [-1500, 0, 900]; orientation = [0.6, 0.0, 0.0, 0.8]; };\n"
-                      "filter = { corner_hz = 0; gate_rad = 0.5; gate_m = 0.1; };\n"
+                      "filter = { corner_hz = 0; gate_rad_s = 0.5; gate_m_s = 0.1; };\n"
                       "coupling = { rotation_law = \"paper\"; limb_gravity = true; palm = { mass_kg = 0.2; d_t = 3; }; };\n"
                       "contact = { mu_hand = 1; friction = \"fixed_limit\"; erp = 0.5; cfm = 0.01; world_cfm = 1e-9; margin_mm = 1; };\n"
                       "solver = { step_s = 0.002; method = \"quick\"; dantzig_contacts = 5; quick_iterations = 20; rest_s = 1.5; };\n"
@@ -120,7 +120,7 @@ static void test_settings_arrive(void) {
   CHECK_NEAR(h->angle_max_rad[GV_INDEX_PIJ], 95 * GV_PI / 180, 1e-15);
   CHECK(s.engine.T_receiver_wrist.p.z == -0.03 && s.engine.T_receiver_wrist.q.z == 1, "receiver");
   CHECK(s.T_world_tracker.p.x == -1.5 && s.T_world_tracker.p.z == 0.9 && s.T_world_tracker.q.z == 0.8, "tracker_to_world");
-  CHECK(s.engine.filter_hz == 0 && s.engine.gate_rad == 0.5 && s.engine.gate_m == 0.1, "filter");
+  CHECK(s.engine.filter_hz == 0 && s.engine.gate_rad_s == 0.5 && s.engine.gate_m_s == 0.1, "filter");
   CHECK(s.engine.rotation_law == GV_ROTATION_PAPER && s.engine.limb_gravity, "coupling");
   CHECK(s.engine.palm_mass_kg == 0.2 && s.engine.palm.d_t == 3, "palm");
   CHECK(s.engine.mu_hand == 1 && s.engine.friction == GV_FRICTION_FIXED_LIMIT && s.engine.contact_erp == 0.5, "contact");

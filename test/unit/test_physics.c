@@ -84,7 +84,7 @@ static void test_coupling_at_rest_is_k_times_deviation(void) {
   lab l;
   lab_start(&l);
   l.cfg.filter_hz = 0;
-  l.cfg.gate_m = l.cfg.gate_rad = 0;
+  l.cfg.gate_m_s = l.cfg.gate_rad_s = 0;
   lab_box(&l, gv_v3(1, 1, 0.04), gv_v3(0, 0, -0.02), 0, 0.8);
   lab_run(&l);
   for (int i = 0; i <= 500; i++) {
@@ -217,7 +217,7 @@ static void test_free_limbs_follow_without_overshoot(void) {
   lab l;
   lab_start(&l);
   l.cfg.filter_hz = 0;
-  l.cfg.gate_m = 0;
+  l.cfg.gate_m_s = 0;
   lab_run(&l);
   gv_sample a = lab_hand(&l, straight, wrist_at(0, 0, 0.3)), b = lab_hand(&l, straight, wrist_at(0.01, 0, 0.3));
   lab_steps(&l, 5, &a);

@@ -115,9 +115,10 @@ static void read_filter(gv_conf_group *root, gv_config *out) {
   gv_conf_group filter;
   if (!gv_conf_enter(root, "filter", &filter)) return;
   gv_conf_number(&filter, "corner_hz", 0, 1000, &out->filter_hz);
-  gv_conf_number(&filter, "gate_rad", 0, 7, &out->gate_rad);
+  gv_conf_number(&filter, "rest_hz", 0, 1000, &out->filter_rest_hz);
+  gv_conf_number(&filter, "gate_rad_s", 0, 1000, &out->gate_rad_s);
   gv_conf_number(&filter, "prediction_s", 0, 0.1, &out->prediction_s);
-  gv_conf_number(&filter, "gate_m", 0, 10, &out->gate_m);
+  gv_conf_number(&filter, "gate_m_s", 0, 1000, &out->gate_m_s);
   gv_conf_leave(&filter);
 }
 
