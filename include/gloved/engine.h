@@ -12,7 +12,10 @@
 #include "gloved/scene.h"
 
 typedef enum gv_rotation_law { GV_ROTATION_LOG, GV_ROTATION_PAPER } gv_rotation_law;
-typedef enum gv_solver { GV_SOLVER_AUTO, GV_SOLVER_DANTZIG, GV_SOLVER_QUICK, GV_SOLVER_DIRECT } gv_solver;
+// newton: ours, exact. dantzig: ODE's exact one, solved again until its friction is Coulomb's. quickstep: ODE's iterative
+// one. Where the one that was asked for has no answer within its share of the period, quickstep does the step.
+// auto: newton; what it leaves goes to dantzig where that fits, else to quickstep.
+typedef enum gv_solver { GV_SOLVER_AUTO, GV_SOLVER_NEWTON, GV_SOLVER_DANTZIG, GV_SOLVER_QUICKSTEP } gv_solver;
 
 // Spring-damper of one limb (Eqn 1, 2), integrated by backward Euler.
 typedef struct gv_coupling {
@@ -23,7 +26,8 @@ typedef struct gv_coupling {
 } gv_coupling;
 
 typedef struct gv_config {
-  double step_s;               // integration step h; the loop's period is the process's business
+  double step_s;               // integration step h
+  double period_s;             // of the loop that calls the step: the solvers' time is a share of it; 0: step_s
   gv_hand_model hand;
   gv_calibration calibration;
   gv_pose T_receiver_wrist;    // wrist joint seen from the tracker's receiver
@@ -45,10 +49,7 @@ typedef struct gv_config {
   double world_cfm;            // of friction rows, and of ODE's world; never 0
   double contact_margin_m;     // gaps below this get a row that lets them close, but not overshoot
   // dynamics
-  // auto: Newton's method on the velocities of all bodies in contact ("direct"); for fixed friction limits, and where it
-  // does not end, ODE: Dantzig up to `dantzig_contacts` that touch each other, QuickStep where that would not fit into the period
   gv_solver solver;
-  int dantzig_contacts, quick_iterations;
   double rest_s;               // an object that lies still for so long and touches no limb is not simulated, and has
                                // no contacts, until something that moves comes near; 0: off
   // the paper's Table 1 in place of the scene's own values; 0 or false: as the scene says
@@ -79,7 +80,7 @@ typedef enum gv_event {          // bits of gv_step_result.events
   GV_EVENT_PAIRS_DROPPED = 1 << 3,
   GV_EVENT_BODY_RESET = 1 << 4,  // a body's state was not finite or ran away: put back, velocity zero
   GV_EVENT_OVERLAP = 1 << 5,     // cores overlapped (penetration beyond the radius)
-  GV_EVENT_QUICKSTEP = 1 << 6    // the iterative solver was chosen
+  GV_EVENT_QUICKSTEP = 1 << 6    // quickstep did a step that another solver was asked for
 } gv_event;
 
 typedef struct gv_contact {
@@ -103,8 +104,11 @@ typedef struct gv_counters {
   uint64_t steps, samples,
     samples_refused,           // joints and poses held back or refused: jumps, not finite
     angles_limited,            // joint readings beyond the anatomy by more than 0.05 rad, held at its limit
-    contacts_dropped, pairs_dropped, body_resets, overlaps, quicksteps, direct_steps,
-    solver_errors;             // complaints of the LCP solver
+    contacts_dropped, pairs_dropped, body_resets, overlaps,
+    newton_steps, dantzig_steps, quickstep_steps, // steps with contacts, by the solver that did them
+    newton_lagged,             // of newton_steps: friction was bounded by the normal forces of an earlier iteration
+    unsolved_steps,            // with contacts that no solver could do: the bodies in contact stood still
+    solver_errors;             // answers that ODE gave up, or said to be wrong: another solver did the step
   uint32_t contacts_max, pairs_max;
   double depth_max_m;          // largest penetration of any step
 } gv_counters;

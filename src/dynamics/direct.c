@@ -549,4 +549,4 @@ static void forget(void *memory) {
   s->last_count = 0;
 }
 
-const gv_contact_solver gv_solver_newton = {"newton", solve, forget};
+const gv_contact_solver gv_solver_newton = {"newton", sizeof(gv_direct), solve, forget};

@@ -1,23 +1,22 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// Rigid bodies with contact and friction: the one place that knows ODE. Bodies 0..15 are the limbs, then
-// the scene's objects. Memory from the arena; the real-time thread steps it.
+// Rigid bodies with contact and friction, one step at a time (Eqn 11 to 18). Bodies 0..15 are the limbs, then the scene's
+// objects. Memory from the arena; the real-time thread steps it.
 #ifndef DYNAMICS_H
 #define DYNAMICS_H
 
-#include "dynamics/problem.h"
+#include "dynamics/choice.h"
 #include "hand/coupling.h"
-#include "gloved/arena.h"
 
 typedef struct gv_dynamics gv_dynamics;
 
 // Inertia per mass (m^2) of the sphere with the volume of a box of these full sizes (Table 1).
 double gv_sphere_inertia_of_box(gv_vec3 size_m);
 
-// Null where the arena is too small. added: augmented mass and inertia of each limb.
+// Null where the arena is too small.
 gv_dynamics *gv_dynamics_create(gv_arena *arena, const gv_config *cfg, const gv_scene *scene,
                                 const gv_spring spring[GV_LIMBS], const double limb_inertia[GV_LIMBS]);
 void gv_dynamics_destroy(gv_dynamics *dyn);
-// Runs both solvers once with the most contacts, so that every later step finds its memory ready.
+// Runs every solver once with the most contacts, so that every later step finds its memory ready.
 void gv_dynamics_warm_up(gv_dynamics *dyn);
 
 // Of a body; those of the others lie beside it, in their order.
@@ -34,14 +33,13 @@ bool gv_dynamics_pushed(const gv_dynamics *dyn, int body);
 // Drop what was kept from the last step.
 void gv_dynamics_forget(gv_dynamics *dyn);
 gv_vec3 gv_dynamics_gravity(const gv_dynamics *dyn);
-double gv_dynamics_mass(const gv_dynamics *dyn, int body); // 0: static
 // Velocity that a body would have after the step without contacts.
 void gv_dynamics_predict(const gv_dynamics *dyn, int body, gv_body_state *out);
 
 void gv_dynamics_add_force(gv_dynamics *dyn, int body, gv_vec3 f, gv_vec3 t);
-// One step (Eqn 11 to 18). force_on_a[i] receives contact i's force. Returns the solver that found them.
-gv_solver gv_dynamics_step(gv_dynamics *dyn, const gv_dynamics_contact *contact, int count, gv_vec3 force_on_a[]);
-// Complaints of the solver so far ("LCP internal error").
+// One step. out_force[i] receives contact i's force on its body a, newtons.
+gv_solver_report gv_dynamics_step(gv_dynamics *dyn, const gv_dynamics_contact contact[], int count, gv_vec3 out_force[]);
+// Solutions so far that a solver gave up, or said to be wrong; another one did those steps.
 unsigned gv_dynamics_solver_errors(const gv_dynamics *dyn);
 // Kinetic energy of the objects plus their potential energy, joules.
 double gv_dynamics_object_energy(const gv_dynamics *dyn);

@@ -42,7 +42,7 @@ void gv_problem_set_contacts(gv_problem *problem, const gv_config *cfg, const gv
   for (int i = 0; i < count; i++) {
     const gv_dynamics_contact *c = &contact[i];
     assert(c->body_a != c->body_b && c->body_a < problem->body_count && c->body_b < problem->body_count);
-    if (!is_sound(c)) continue;
+    if (!is_sound(c) || !(problem->body[c->body_a].mass > 0.0)) continue;
     out_index[problem->contact_count] = i;
     set_contact(&problem->contact[problem->contact_count], cfg, c);
     problem->contact_count++;

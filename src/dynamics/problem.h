@@ -26,7 +26,7 @@ typedef struct gv_problem_body {
 } gv_problem_body;
 
 typedef struct gv_problem_contact {
-  int body_a, body_b;       // two different ones, of which at least one moves
+  int body_a, body_b;       // two different ones; a moves
   gv_vec3 point;            // world, m
   gv_vec3 frame[3];         // unit and at right angles: normal, from b to a; tangents, the first along the coming slip
   double target_velocity;   // along the normal, m/s: above 0 pushes out of a penetration, below 0 lets a gap close
@@ -57,8 +57,8 @@ typedef struct gv_dynamics_contact {
   double mu;                // coefficient, or newtons with GV_FRICTION_FIXED_LIMIT
 } gv_dynamics_contact;
 
-// The contact law: states contacts[] as a problem whose bodies, step and budget are there already. What is not finite
-// or has no unit normal is left out. out_index[i]: which of `contact` became the problem's i-th.
+// The contact law: states contacts[] as a problem whose bodies, step and budget are there already. What is not finite,
+// has no unit normal, or whose body a does not move, is left out. out_index[i]: which of `contact` became the problem's i-th.
 void gv_problem_set_contacts(gv_problem *problem, const gv_config *cfg, const gv_dynamics_contact contact[], int count,
                              int out_index[]);
 

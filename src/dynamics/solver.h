@@ -4,6 +4,8 @@
 #ifndef DYNAMICS_SOLVER_H
 #define DYNAMICS_SOLVER_H
 
+#include <stddef.h>
+
 #include "dynamics/problem.h"
 
 typedef enum gv_outcome {
@@ -15,12 +17,15 @@ typedef enum gv_outcome {
 
 typedef struct gv_contact_solver {
   const char *name;
+  size_t memory_size;   // bytes, all zero at first; 0: what gv_ode_open gives
   // Writes the velocities of the bodies that move and have a contact (the others are left as they are), and the impulse on
   // body a of each contact, N s, world axes. Calls with the same problem after `forget` give the same bits.
   gv_outcome (*solve)(void *memory, const gv_problem *problem, gv_velocity out_velocity[], gv_vec3 out_impulse[]);
   void (*forget)(void *memory);
 } gv_contact_solver;
 
-extern const gv_contact_solver gv_solver_newton;     // memory: gv_direct
+extern const gv_contact_solver gv_solver_newton;
+extern const gv_contact_solver gv_solver_dantzig;
+extern const gv_contact_solver gv_solver_quickstep;
 
 #endif

@@ -21,7 +21,7 @@ gv_config gv_config_default(void) {
     .contact_erp = 0.2, .contact_cfm = 1e-3,   // 2e5 N/m and 800 N s/m at 1 ms
     .world_cfm = 1e-9,
     .contact_margin_m = 0.0005,
-    .solver = GV_SOLVER_AUTO, .dantzig_contacts = 24, .quick_iterations = 50,
+    .solver = GV_SOLVER_AUTO,
     .rest_s = 0.2,
   };
 }
@@ -48,7 +48,7 @@ typedef struct field { const char *name; double value, min, max; } field;
 
 const char *gv_config_check(const gv_config *c) {
   const field f[] = {
-    {"step_s", c->step_s, 1e-5, 0.02},
+    {"step_s", c->step_s, 1e-5, 0.02}, {"period_s", c->period_s, 0, 0.02},
     {"limb_mass_kg", c->limb_mass_kg, 1e-4, 10}, {"palm_mass_kg", c->palm_mass_kg, 1e-4, 10},
     {"limb.k_f", c->limb.k_f, 0, 1e6}, {"limb.d_f", c->limb.d_f, -1, 1e5},
     {"limb.k_t", c->limb.k_t, 0, 1e4}, {"limb.d_t", c->limb.d_t, -1, 1e3},
@@ -60,7 +60,6 @@ const char *gv_config_check(const gv_config *c) {
     {"mu_hand", c->mu_hand, 0, 1e4},
     {"contact_erp", c->contact_erp, 0, 1}, {"contact_cfm", c->contact_cfm, 1e-9, 1},
     {"world_cfm", c->world_cfm, 1e-14, 1e-2}, {"contact_margin_m", c->contact_margin_m, 0, 0.01},
-    {"dantzig_contacts", c->dantzig_contacts, 0, GV_MAX_CONTACTS}, {"quick_iterations", c->quick_iterations, 1, 1000},
     {"rest_s", c->rest_s, 0, 100},
     {"override_gravity_m_s2", c->override_gravity_m_s2, 0, 100}, {"override_mass_kg", c->override_mass_kg, 0, 1000},
     {"override_mu", c->override_mu, 0, 1e4},

@@ -181,14 +181,21 @@ static void pull_limbs(gv_engine *e) {
   }
 }
 
+static void count_step(gv_engine *e, gv_solver_report report) {
+  gv_counters *c = &e->counters;
+  switch (report.solver) {
+    case GV_SOLVER_NEWTON: c->newton_steps++; break;
+    case GV_SOLVER_DANTZIG: c->dantzig_steps++; break;
+    case GV_SOLVER_QUICKSTEP: c->quickstep_steps++; break;
+    case GV_SOLVER_AUTO: c->unsolved_steps += e->contact_count > 0; break;
+  }
+  c->newton_lagged += report.solver == GV_SOLVER_NEWTON && report.outcome == GV_OUTCOME_LAGGED;
+  if (report.solver == GV_SOLVER_QUICKSTEP && e->cfg.solver != GV_SOLVER_QUICKSTEP) e->events |= GV_EVENT_QUICKSTEP;
+}
+
 static void solve(gv_engine *e) {
   gv_vec3 force[GV_MAX_CONTACTS];
-  gv_solver used = gv_dynamics_step(e->dyn, e->solver_contact, e->contact_count, force);
-  if (used == GV_SOLVER_QUICK) {
-    e->events |= GV_EVENT_QUICKSTEP;
-    e->counters.quicksteps++;
-  }
-  if (used == GV_SOLVER_DIRECT) e->counters.direct_steps++;
+  count_step(e, gv_dynamics_step(e->dyn, e->solver_contact, e->contact_count, force));
   for (int i = 0; i < e->contact_count; i++) e->contact[i].force_world = force[i];
   e->counters.solver_errors = gv_dynamics_solver_errors(e->dyn);
 }

@@ -41,11 +41,11 @@ void __wrap_gv_engine_collide(gv_engine *engine) {
   collide_ns = now_ns() - start;
 }
 
-gv_solver __real_gv_dynamics_step(gv_dynamics *dyn, const gv_dynamics_contact *contact, int count, gv_vec3 force_on_a[]);
-gv_solver __wrap_gv_dynamics_step(gv_dynamics *dyn, const gv_dynamics_contact *contact, int count, gv_vec3 force_on_a[]);
-gv_solver __wrap_gv_dynamics_step(gv_dynamics *dyn, const gv_dynamics_contact *contact, int count, gv_vec3 force_on_a[]) {
+gv_solver_report __real_gv_dynamics_step(gv_dynamics *dyn, const gv_dynamics_contact contact[], int count, gv_vec3 out_force[]);
+gv_solver_report __wrap_gv_dynamics_step(gv_dynamics *dyn, const gv_dynamics_contact contact[], int count, gv_vec3 out_force[]);
+gv_solver_report __wrap_gv_dynamics_step(gv_dynamics *dyn, const gv_dynamics_contact contact[], int count, gv_vec3 out_force[]) {
   int64_t start = now_ns();
-  gv_solver used = __real_gv_dynamics_step(dyn, contact, count, force_on_a);
+  gv_solver_report used = __real_gv_dynamics_step(dyn, contact, count, out_force);
   dynamics_ns = now_ns() - start;
   return used;
 }

@@ -51,7 +51,7 @@ static void test_example_equals_the_defaults(void) {
   SAME(engine.limb); SAME(engine.palm); SAME(engine.rotation_law); SAME(engine.limb_gravity); SAME(engine.filter_hz);
   SAME(engine.filter_rest_hz); SAME(engine.gate_rad_s); SAME(engine.gate_m_s); SAME(engine.prediction_s); SAME(engine.mu_hand); SAME(engine.friction); SAME(engine.contact_erp);
   SAME(engine.contact_cfm); SAME(engine.world_cfm); SAME(engine.contact_margin_m); SAME(engine.solver);
-  SAME(engine.dantzig_contacts); SAME(engine.quick_iterations); SAME(engine.rest_s); SAME(engine.override_gravity_m_s2);
+  SAME(engine.period_s); SAME(engine.rest_s); SAME(engine.override_gravity_m_s2);
   SAME(engine.override_mass_kg); SAME(engine.override_mu); SAME(engine.override_sphere_inertia);
   SAME(limiter.max_n); SAME(limiter.finger_max_n); SAME(limiter.pretension_n); SAME(limiter.slew_n_per_s); SAME(limiter.ramp_s); SAME(limiter.max_age_s);
   SAME(safety.max_age_s); SAME(safety.arm_below_n); SAME(safety.bad_limit); SAME(safety.bad_window_s);
@@ -105,7 +105,7 @@ static void test_settings_arrive(void) {
                       "filter = { corner_hz = 0; gate_rad_s = 0.5; gate_m_s = 0.1; };\n"
                       "coupling = { rotation_law = \"paper\"; limb_gravity = true; palm = { mass_kg = 0.2; d_t = 3; }; };\n"
                       "contact = { mu_hand = 1; friction = \"fixed_limit\"; erp = 0.5; cfm = 0.01; world_cfm = 1e-9; margin_mm = 1; };\n"
-                      "solver = { step_s = 0.002; method = \"quick\"; dantzig_contacts = 5; quick_iterations = 20; rest_s = 1.5; };\n"
+                      "solver = { step_s = 0.002; method = \"quickstep\"; rest_s = 1.5; };\n"
                       "override = { gravity_m_s2 = 1.5; mass_kg = 2; mu = 3; sphere_inertia = true; };\n"
                       "limiter = { max_n = 3.5; slew_n_per_s = 100; ramp_s = 0.1; max_age_s = 0.02; };\n"
                       "safety = { max_age_s = 0.03; arm_below_n = 0.2; bad_limit = 3; bad_window_s = 0.5; overrun_limit = 7; };\n",
@@ -125,8 +125,8 @@ static void test_settings_arrive(void) {
   CHECK(s.engine.palm_mass_kg == 0.2 && s.engine.palm.d_t == 3, "palm");
   CHECK(s.engine.mu_hand == 1 && s.engine.friction == GV_FRICTION_FIXED_LIMIT && s.engine.contact_erp == 0.5, "contact");
   CHECK(s.engine.contact_cfm == 0.01 && s.engine.world_cfm == 1e-9 && s.engine.contact_margin_m == 0.001, "contact");
-  CHECK(s.engine.step_s == 0.002 && s.engine.solver == GV_SOLVER_QUICK, "solver");
-  CHECK(s.engine.dantzig_contacts == 5 && s.engine.quick_iterations == 20 && s.engine.rest_s == 1.5, "solver");
+  CHECK(s.engine.step_s == 0.002 && s.engine.solver == GV_SOLVER_QUICKSTEP, "solver");
+  CHECK(s.engine.rest_s == 1.5, "solver");
   CHECK(s.engine.override_gravity_m_s2 == 1.5 && s.engine.override_mass_kg == 2 && s.engine.override_mu == 3 &&
         s.engine.override_sphere_inertia, "override");
   CHECK(s.limiter.max_n == 3.5 && s.limiter.slew_n_per_s == 100 && s.limiter.ramp_s == 0.1 && s.limiter.max_age_s == 0.02,
@@ -205,7 +205,7 @@ static const mistake settings_mistakes[] = {
   {V "coupling = { limb = { k_f = -5; }; };\n", ":2: ", "'k_f' is -5"},
   {V "coupling = { rotation_law = \"exp\"; };\n", ":2: ", "\"log\" or \"paper\""},
   {V "contact = { world_cfm = 0; };\n", ":2: ", "'world_cfm' is 0"},
-  {V "solver = { method = 1; };\n", ":2: ", "\"auto\" or \"dantzig\" or \"quick\""},
+  {V "solver = { method = 1; };\n", ":2: ", "\"auto\" or \"newton\" or \"dantzig\" or \"quickstep\""},
   {V "safety = { bad_limit = 0; };\n", ":2: ", "'bad_limit' is 0"},
   {V "calibration = \"/nonexistent.cal\";\n", ":2: ", "/nonexistent.cal: cannot open"},
   {V "@include \"other.conf\"\n", ":2: ", "'@include' is not supported"},

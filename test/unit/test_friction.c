@@ -47,7 +47,7 @@ static double rolling_error(gv_vec3 direction, const gv_config *cfg, int *out_qu
   }
   const gv_counters *c = gv_engine_counters(l.engine);
   CHECK(c->solver_errors == 0 && c->contacts_dropped == 0, "%llu solver errors", (unsigned long long)c->solver_errors);
-  if (out_quick) *out_quick = (int)c->quicksteps;
+  if (out_quick) *out_quick = (int)c->quickstep_steps;
   gv_engine_close(l.engine);
   return sum / STEPS;
 }

@@ -164,15 +164,13 @@ static void read_contact(gv_conf_group *root, gv_config *out) {
 }
 
 static void read_solver(gv_conf_group *root, gv_config *out) {
-  static const char *const methods[] = {"auto", "dantzig", "quick", NULL};
-  static const gv_solver solver[] = {GV_SOLVER_AUTO, GV_SOLVER_DANTZIG, GV_SOLVER_QUICK};
+  static const char *const methods[] = {"auto", "newton", "dantzig", "quickstep", NULL};
+  static const gv_solver solver[] = {GV_SOLVER_AUTO, GV_SOLVER_NEWTON, GV_SOLVER_DANTZIG, GV_SOLVER_QUICKSTEP};
   gv_conf_group group;
   if (!gv_conf_enter(root, "solver", &group)) return;
   int method;
   gv_conf_number(&group, "step_s", 1e-5, 0.02, &out->step_s);
   if (gv_conf_choice(&group, "method", methods, &method)) out->solver = solver[method];
-  gv_conf_integer(&group, "dantzig_contacts", 0, GV_MAX_CONTACTS, &out->dantzig_contacts);
-  gv_conf_integer(&group, "quick_iterations", 1, 1000, &out->quick_iterations);
   gv_conf_number(&group, "rest_s", 0, 100, &out->rest_s);
   gv_conf_leave(&group);
 }

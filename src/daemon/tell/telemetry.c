@@ -310,7 +310,12 @@ static void put_counters(const gv_telemetry *telemetry, const gv_snapshot *snaps
   out->pairs_dropped = (int64_t)c->pairs_dropped;
   out->body_resets = (int64_t)c->body_resets;
   out->overlaps = (int64_t)c->overlaps;
-  out->quicksteps = (int64_t)c->quicksteps;
+  out->newton_steps = (int64_t)c->newton_steps;
+  out->newton_lagged = (int64_t)c->newton_lagged;
+  out->dantzig_steps = (int64_t)c->dantzig_steps;
+  out->quickstep_steps = (int64_t)c->quickstep_steps;
+  out->unsolved_steps = (int64_t)c->unsolved_steps;
+  out->solver_errors = (int64_t)c->solver_errors;
   out->depth_max_m = c->depth_max_m;
 }
 

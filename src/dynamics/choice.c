@@ -1,0 +1,84 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// The order in which solvers are asked, and the share of the loop's period that each may take. Together they leave a tenth
+// of the period, or more, for collision detection and the rest of the step. Real-time thread.
+#include "dynamics/choice.h"
+
+#include <assert.h>
+#include <string.h>
+
+enum { TURNS = 3, SOLVERS = GV_SOLVER_QUICKSTEP + 1 };
+
+typedef struct turn {
+  gv_solver solver;          // GV_SOLVER_AUTO ends the list
+  double share;              // of the period
+} turn;
+
+static const turn order[SOLVERS][TURNS] = {
+  [GV_SOLVER_AUTO] = {{GV_SOLVER_NEWTON, 0.5}, {GV_SOLVER_DANTZIG, 0.2}, {GV_SOLVER_QUICKSTEP, 0.2}},
+  [GV_SOLVER_NEWTON] = {{GV_SOLVER_NEWTON, 0.5}, {GV_SOLVER_QUICKSTEP, 0.4}},
+  [GV_SOLVER_DANTZIG] = {{GV_SOLVER_DANTZIG, 0.6}, {GV_SOLVER_QUICKSTEP, 0.3}},
+  [GV_SOLVER_QUICKSTEP] = {{GV_SOLVER_QUICKSTEP, 0.9}},
+};
+
+static const gv_contact_solver *const solvers[SOLVERS] = {
+  [GV_SOLVER_NEWTON] = &gv_solver_newton,
+  [GV_SOLVER_DANTZIG] = &gv_solver_dantzig,
+  [GV_SOLVER_QUICKSTEP] = &gv_solver_quickstep,
+};
+
+bool gv_choice_open(gv_choice *choice, gv_arena *arena, const gv_config *cfg) {
+  *choice = (gv_choice){.solver = cfg->solver, .period_s = cfg->period_s > 0.0 ? cfg->period_s : cfg->step_s};
+  choice->newton = gv_arena_alloc(arena, "newton", gv_solver_newton.memory_size);
+  choice->ode = gv_ode_open(arena);
+  return choice->newton && choice->ode;
+}
+
+void gv_choice_close(gv_choice *choice) { gv_ode_close(choice->ode); }
+
+static void *memory_of(gv_choice *choice, gv_solver solver) {
+  return solver == GV_SOLVER_NEWTON ? choice->newton : choice->ode;
+}
+
+void gv_choice_forget(gv_choice *choice) {
+  for (int i = GV_SOLVER_NEWTON; i < SOLVERS; i++) solvers[i]->forget(memory_of(choice, (gv_solver)i));
+}
+
+gv_solver_report gv_choice_solve(gv_choice *choice, gv_problem *problem, gv_velocity out_velocity[], gv_vec3 out_impulse[]) {
+  if (problem->contact_count == 0) gv_choice_forget(choice);
+  for (int i = 0; i < TURNS && problem->contact_count > 0; i++) {
+    const turn *t = &order[choice->solver][i];
+    if (t->solver == GV_SOLVER_AUTO) break;
+    problem->budget_s = t->share * choice->period_s;
+    void *memory = memory_of(choice, t->solver);
+    const gv_outcome outcome = solvers[t->solver]->solve(memory, problem, out_velocity, out_impulse);
+    if (outcome != GV_OUTCOME_NONE) return (gv_solver_report){t->solver, outcome};
+  }
+  return (gv_solver_report){GV_SOLVER_AUTO, GV_OUTCOME_NONE};
+}
+
+// A ring of limbs, each pressed against the next in many places.
+static void state_ring(gv_problem *problem, int contacts) {
+  memset(problem, 0, sizeof *problem);
+  problem->step_s = 0.001;
+  problem->budget_s = 1e3;
+  problem->body_count = GV_LIMBS;
+  problem->contact_count = contacts;
+  for (int i = 0; i < GV_LIMBS; i++)
+    problem->body[i] = (gv_problem_body){.mass = 0.1, .inertia = {{{1e-4, 0, 0}, {0, 1e-4, 0}, {0, 0, 1e-4}}}};
+  for (int i = 0; i < contacts; i++) {
+    problem->contact[i] = (gv_problem_contact){
+      .body_a = i % GV_LIMBS, .body_b = (i + 1) % GV_LIMBS, .point = {0.01 * i, 0.02 * (i % 7), 0},
+      .frame = {{0, 0, 1}, {1, 0, 0}, {0, 1, 0}}, .normal_compliance = 1.0, .tangent_compliance = 1e-6, .mu = 1.0};
+  }
+}
+
+void gv_choice_warm_up(gv_choice *choice, gv_problem *problem) {
+  enum { DANTZIG_MOST = 128 };
+  gv_velocity velocity[GV_BODIES];
+  gv_vec3 impulse[GV_MAX_CONTACTS];
+  for (int i = GV_SOLVER_NEWTON; i < SOLVERS; i++) {
+    state_ring(problem, i == GV_SOLVER_DANTZIG ? DANTZIG_MOST : GV_MAX_CONTACTS);
+    solvers[i]->solve(memory_of(choice, (gv_solver)i), problem, velocity, impulse);
+  }
+  gv_choice_forget(choice);
+}
