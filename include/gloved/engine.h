@@ -9,6 +9,7 @@
 #include <stdint.h>
 
 #include "gloved/hand.h"
+#include "gloved/narrow.h"
 #include "gloved/scene.h"
 
 typedef enum gv_rotation_law { GV_ROTATION_LOG, GV_ROTATION_PAPER } gv_rotation_law;
@@ -43,6 +44,7 @@ typedef struct gv_config {
   double gate_m_s;             // the same for the tracker's position (its orientation goes by gate_rad_s)
   double prediction_s;         // extrapolate the filtered hand by this much along its velocity; 0: off, as without the filter
   // contact
+  gv_narrow narrow;            // which narrow phase finds distances and depths
   gv_friction friction;        // of the hand's skin
   double mu_hand;              // coefficient, or newtons
   double contact_erp, contact_cfm; // on the normal row alone

@@ -2,12 +2,13 @@
 // Narrow phase: signed distance of two convex shapes and their contact manifold (section C of the
 // paper, Eqn 5 to 8: collision and penetration on the configuration space obstacle A - B).
 //
-// While the cores are apart the GJK distance of the cores less the radii is the answer, exact to
-// rounding. When the cores overlap an expanding-polytope search with fixed memory and a fixed number
-// of iterations finds the depth; where that fails its own checks, the least of the face directions
-// bounds it. Nothing here allocates, loops without a bound, or returns a not-a-number for finite input.
-// Only nearly concentric balls of hundreds of vertices reach the bound: every direction is then about as good,
-// and the answer, a true h of a true side, can be above the least.
+// There are two: `core`, ours, and `libccd`, the package's primitives in the same frame (src/collision/libccd.c). While
+// the cores are apart the GJK distance of the cores less the radii is the answer, exact to rounding. When the cores
+// overlap, `core` searches with an expanding polytope in fixed memory; where that fails its own checks, the least of the
+// face directions bounds it. `libccd` asks MPR for a direction and moves the shapes apart along it until their distance
+// gives the depth. Nothing here allocates, loops without a bound, or returns a not-a-number for finite input.
+// Only nearly concentric balls of hundreds of vertices reach the bound of `core`: every direction is then about as
+// good, and the answer, a true h of a true side, can be above the least.
 // Pure; any thread.
 #ifndef GLOVED_NARROW_H
 #define GLOVED_NARROW_H
@@ -16,7 +17,15 @@
 
 #include "gloved/shape.h"
 
-enum { GV_GJK_MAX_ITERATIONS = 64, GV_EPA_MAX_ITERATIONS = 128, GV_EPA_MAX_DESCENT = 48, GV_EPA_MAX_VERTICES = 192, GV_EPA_MAX_FACES = 384 };
+typedef enum gv_narrow { GV_NARROW_CORE, GV_NARROW_LIBCCD } gv_narrow;
+
+enum {
+  GV_GJK_MAX_ITERATIONS = 64,
+  GV_EPA_MAX_ITERATIONS = 128,
+  GV_EPA_MAX_DESCENT = 48,
+  GV_EPA_MAX_VERTICES = 192,
+  GV_EPA_MAX_FACES = 384
+};
 
 // Kept by the caller from step to step for one pair: a warm start. All zero is a valid cold start.
 typedef struct gv_pair_cache {
@@ -26,24 +35,41 @@ typedef struct gv_pair_cache {
   uint16_t overlap;       // 1: the cores overlapped, the corners are those of the side
 } gv_pair_cache;
 
-typedef enum gv_narrow_method { GV_NARROW_GJK, GV_NARROW_EPA, GV_NARROW_FACES, GV_NARROW_FAR } gv_narrow_method;
+// How the distance was found. shift: libccd's way to a depth. beyond: farther apart than was asked for.
+typedef enum gv_distance_method {
+  GV_DISTANCE_GJK, GV_DISTANCE_EPA, GV_DISTANCE_FACES, GV_DISTANCE_SHIFT, GV_DISTANCE_BEYOND
+} gv_distance_method;
 
 typedef struct gv_distance {
   double distance;        // metres; negative: penetration depth (Eqn 8)
   gv_vec3 normal_world;   // unit, from B to A: moving A along it by -distance separates
-  gv_vec3 on_a, on_b;     // world points on the surfaces (radii included); on_a - on_b = distance * normal
-  gv_narrow_method method;
-  int iterations;         // of GJK and EPA together
+  gv_vec3 on_a, on_b;     // witness points: on the surfaces (radii included), world; on_a - on_b = distance * normal
+  gv_distance_method method;
+  int iterations;         // of GJK and of the search for the depth together
 } gv_distance;
 
+// Did the cores overlap, so that the depth had to be searched for?
+static inline bool gv_distance_overlaps(const gv_distance *d) {
+  return d->method != GV_DISTANCE_GJK && d->method != GV_DISTANCE_BEYOND;
+}
+
+// Two shapes where they are.
+typedef struct gv_pair {
+  const gv_shape *a;
+  const gv_pose *T_world_a;
+  const gv_shape *b;
+  const gv_pose *T_world_b;
+} gv_pair;
+
 // Signed distance of A and B. Where it is larger than `max_distance` (metres, >= 0) the search may stop
-// early: method GV_NARROW_FAR, distance a lower bound above max_distance, and normal, points not set.
-// Within 1e-8 m of exact (`make bench-accuracy`; DESIGN.md).
+// early: method GV_DISTANCE_BEYOND, distance a lower bound above max_distance, and normal, points not set.
+// core: within 1e-8 m of exact (`make bench-accuracy`; DESIGN.md). libccd: within 1e-8 m where the cores are apart; its
+// depth is that of a local minimum, which a warm cache follows; from a cold one it can be millimetres above the least.
 // Cost: apart 0.15 to 0.2 us with a warm cache, 0.4 us (segment-box) to 3 us (two hulls of 1000 vertices) with a cold
 // one; overlapping 0.2 to 6 us, 0.1 ms at worst (0.3 ms for the balls above); 25 ns where the last normal shows that
-// they are far.
-void gv_distance_pair(const gv_shape *a, const gv_pose *T_world_a, const gv_shape *b, const gv_pose *T_world_b,
-                      double max_distance, gv_pair_cache *cache, gv_distance *out);
+// they are far apart.
+void gv_distance_pair(gv_narrow narrow, const gv_pair *pair, double max_distance, gv_pair_cache *cache,
+                      gv_distance *out);
 
 typedef struct gv_contact_point {
   gv_vec3 position_world; // midway between the surfaces
@@ -56,9 +82,8 @@ typedef struct gv_contact_point {
 // own. At most GV_MAX_PAIR_CONTACTS, none deeper than reported, none with a gap over `margin` (metres).
 // Returns the count (0: further apart than margin). A limb lying along a face gives 2 points, a palm or
 // box on a face 4. `out_distance` (may be null) receives the pair's distance.
-int gv_manifold_pair(const gv_shape *a, const gv_pose *T_world_a, const gv_shape *b, const gv_pose *T_world_b,
-                     double margin, gv_pair_cache *cache, gv_contact_point out[GV_MAX_PAIR_CONTACTS],
-                     gv_distance *out_distance);
+int gv_manifold_pair(gv_narrow narrow, const gv_pair *pair, double margin, gv_pair_cache *cache,
+                     gv_contact_point out[GV_MAX_PAIR_CONTACTS], gv_distance *out_distance);
 
 typedef struct gv_polygon_depth {
   uint16_t face;          // polygon of hull B
@@ -71,8 +96,7 @@ typedef struct gv_polygon_depth {
 // over each polygon, along that polygon's normal. normal_world: of the pair's contact; polygons more than 72
 // degrees away from it are left out. Returns the count, at most max; 0 where B is no hull or a ball.
 // Cost: 10 ns a polygon of B, and 0.3 us each that is touched.
-int gv_polygon_depths(const gv_shape *a, const gv_pose *T_world_a, const gv_shape *b, const gv_pose *T_world_b,
-                      gv_vec3 normal_world, double margin, gv_polygon_depth out[], int max);
+int gv_polygon_depths(const gv_pair *pair, gv_vec3 normal_world, double margin, gv_polygon_depth out[], int max);
 
 // Support function h_S(d) of a shape (radius included): the farthest point along the direction d (any
 // length > 0), world frame. `hint` (may be null): start vertex for hill climbing, updated.

@@ -89,10 +89,10 @@ bool gv_epa_run(const gv_cso *cso, gv_vec3 guess, gv_epa_result *out);
 // The least h over the guess, face normals, and cross products of edges, a bounded number of them.
 void gv_epa_sweep_faces(const gv_cso *cso, gv_vec3 guess, gv_epa_result *out);
 
-// The distance, with the cores as placed in the frame of B left in *out_cso (not where they are far), and results in
-// that frame; and those results taken to the world.
-void gv_distance_in_b(const gv_shape *a, const gv_pose *T_world_a, const gv_shape *b, const gv_pose *T_world_b,
-                      double max_distance, gv_pair_cache *cache, gv_cso *out_cso, gv_distance *out);
+// The distance, with the cores as placed in the frame of B left in *out_cso (not where they are beyond the limit), and
+// results in that frame; and those results taken to the world.
+void gv_distance_in_b(gv_narrow narrow, const gv_pair *pair, double max_distance, gv_pair_cache *cache, gv_cso *out_cso,
+                      gv_distance *out);
 void gv_distance_to_world(const gv_pose *T_world_b, const gv_pair_cache *cache, gv_distance *io);
 
 #endif

@@ -9,7 +9,7 @@
 // they meet exactly. The side of the last time and the far side are the seeds where the cores overlapped then:
 // mostly nothing has to be added.
 // Pure; any thread.
-#include "collision/narrow_simplex.h"
+#include "collision/simplex.h"
 #include "collision/polytope.h"
 
 // Faces whose offsets differ by less are looked at for the point under the origin.

@@ -325,26 +325,33 @@ static void gather(manifold *m, const gv_cso *cso, gv_pair_cache *cache, uint16_
   else clip_polygons(m, &a, &b, false);
 }
 
-int gv_manifold_pair(const gv_shape *a, const gv_pose *T_world_a, const gv_shape *b, const gv_pose *T_world_b,
-                     double margin, gv_pair_cache *cache, gv_contact_point out[GV_MAX_PAIR_CONTACTS],
-                     gv_distance *out_distance) {
+int gv_manifold_pair(gv_narrow narrow, const gv_pair *pair, double margin, gv_pair_cache *cache,
+                     gv_contact_point out[GV_MAX_PAIR_CONTACTS], gv_distance *out_distance) {
+  const gv_shape *a = pair->a, *b = pair->b;
   gv_cso cso;
   gv_distance d;
   manifold m;
   double radii = a->radius + b->radius;
   uint16_t face_b;
-  gv_distance_in_b(a, T_world_a, b, T_world_b, margin, cache, &cso, &d);
-  if (out_distance) *out_distance = d, gv_distance_to_world(T_world_b, cache, out_distance);
-  if (d.method == GV_NARROW_FAR || d.distance > margin) return 0;
-  m.n = d.normal_world, m.limit = margin + radii, m.closest = d.distance + radii, m.count = 0;
+  gv_distance_in_b(narrow, pair, margin, cache, &cso, &d);
+  if (out_distance) {
+    *out_distance = d;
+    gv_distance_to_world(pair->T_world_b, cache, out_distance);
+  }
+  if (d.method == GV_DISTANCE_BEYOND || d.distance > margin) return 0;
+  m.n = d.normal_world;
+  m.limit = margin + radii;
+  m.closest = d.distance + radii;
+  m.count = 0;
   gather(&m, &cso, cache, &face_b);
   add_closest(&m, a, &d, radii, face_b);
   merge_near(&m);
   reduce(&m);
   for (int i = 0; i < m.count; i++) {
-    gv_vec3 middle = gv_mad(gv_scale(gv_add(m.corner[i].on_a, m.corner[i].on_b), 0.5), 0.5 * (b->radius - a->radius), m.n);
+    gv_vec3 middle = gv_scale(gv_add(m.corner[i].on_a, m.corner[i].on_b), 0.5);
+    middle = gv_mad(middle, 0.5 * (b->radius - a->radius), m.n);
     double depth = fmin(radii - m.corner[i].gap, -d.distance);  // rounding aside, no corner is deeper
-    out[i] = (gv_contact_point){gv_transform(*T_world_b, middle), cache->normal_world, depth, m.corner[i].face_b};
+    out[i] = (gv_contact_point){gv_transform(*pair->T_world_b, middle), cache->normal_world, depth, m.corner[i].face_b};
   }
   return m.count;
 }

@@ -85,13 +85,13 @@ static bool lowest_over(const gv_hull *hull, int f, const side *of_a, gv_vec3 *o
   return work[now].count > 0;
 }
 
-int gv_polygon_depths(const gv_shape *a, const gv_pose *T_world_a, const gv_shape *b, const gv_pose *T_world_b,
-                      gv_vec3 normal_world, double margin, gv_polygon_depth out[], int max) {
+int gv_polygon_depths(const gv_pair *pair, gv_vec3 normal_world, double margin, gv_polygon_depth out[], int max) {
+  const gv_shape *a = pair->a, *b = pair->b;
   if (b->kind != GV_CORE_HULL) return 0;
   const gv_hull *hull = b->hull;
   gv_core core;
-  gv_core_place(a, gv_pose_mul(gv_pose_inv(*T_world_b), *T_world_a), &core);
-  gv_vec3 n = gv_rotate_inv(T_world_b->q, normal_world);
+  gv_core_place(a, gv_pose_mul(gv_pose_inv(*pair->T_world_b), *pair->T_world_a), &core);
+  gv_vec3 n = gv_rotate_inv(pair->T_world_b->q, normal_world);
   const double radii = a->radius + b->radius;
   int count = 0;
   for (int f = 0; f < hull->face_count && count < max; f++) {
@@ -103,8 +103,8 @@ int gv_polygon_depths(const gv_shape *a, const gv_pose *T_world_a, const gv_shap
     side of_a;
     take_side(&core, gv_neg(up), &of_a);
     if (!lowest_over(hull, f, &of_a, &point, &height) || height > radii + margin) continue;
-    out[count++] = (gv_polygon_depth){(uint16_t)f, radii - height, gv_transform(*T_world_b, gv_mad(point, -height, up)),
-                                      gv_rotate(T_world_b->q, up)};
+    out[count++] = (gv_polygon_depth){(uint16_t)f, radii - height, gv_transform(*pair->T_world_b, gv_mad(point, -height, up)),
+                                      gv_rotate(pair->T_world_b->q, up)};
   }
   return count;
 }

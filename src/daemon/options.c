@@ -58,6 +58,7 @@ int gv_options_parse(int argc, char **argv, gv_options *out, char *err, size_t e
   const option_row rows[] = {
     {"--config", &out->config, NULL, NULL, 0, 0},   {"--scene", &out->scene, NULL, NULL, 0, 0},
     {"--fcu", &out->fcu, NULL, NULL, 0, 0},         {"--tracker", &out->tracker, NULL, NULL, 0, 0},
+    {"--narrow", &out->narrow, NULL, NULL, 0, 0},
     {"--rate", NULL, &out->rate_hz, NULL, GV_RATE_MIN_HZ, GV_RATE_MAX_HZ},
     {"--duration", NULL, &out->duration_s, NULL, 0.001, 1e6},
     {"--lcm", &out->lcm, NULL, NULL, 0, 0},         {"--log", &out->log, NULL, NULL, 0, 0},
@@ -93,6 +94,10 @@ int gv_options_settings(const gv_options *options, gv_settings *out, char *err, 
   set_text(out->fcu, options->fcu);
   set_text(out->tracker, options->tracker);
   set_text(out->lcm, options->lcm);
+  if (options->narrow && gv_settings_set_narrow(&out->engine, options->narrow)) {
+    snprintf(err, err_size, "--narrow \"%.40s\" is not known; give core or libccd", options->narrow);
+    return -1;
+  }
   if (options->rate_hz > 0.0) {
     out->rate_hz = options->rate_hz;
     out->engine.step_s = 1.0 / options->rate_hz;
@@ -136,6 +141,7 @@ const char *gv_options_help(void) {
     "  --tracker URL     a tracker of its own; otherwise the poses come with the frames:\n"
     "                      serial:DEV?type=fastrak     Polhemus FASTRAK, receiver 1 head, 2 hand\n"
     "  --rate HZ         periods per second, 100 to 10000 (1000)\n"
+    "  --narrow core|libccd  narrow phase of the collision detection (core)\n"
     "  --sync device     a step begins with the glove's frame; without one, by the loop's own clock\n"
     "  --duration S      end after S seconds\n"
     "  --lcm URL|none    where to publish (udpm://239.255.76.67:7667?ttl=0)\n"

@@ -16,6 +16,7 @@ gv_config gv_config_default(void) {
     .rotation_law = GV_ROTATION_LOG,
     .limb_gravity = false,
     .filter_hz = 30.0, .filter_rest_hz = 1.0, .gate_rad_s = 32.0, .gate_m_s = 5.0,
+    .narrow = GV_NARROW_CORE,
     .mu_hand = 0.8,
     .friction = GV_FRICTION_PYRAMID,
     .contact_erp = 0.2, .contact_cfm = 1e-3,   // 2e5 N/m and 800 N s/m at 1 ms
@@ -66,6 +67,7 @@ const char *gv_config_check(const gv_config *c) {
   };
   for (size_t i = 0; i < sizeof f / sizeof *f; i++)
     if (!(f[i].value >= f[i].min && f[i].value <= f[i].max)) return f[i].name;  // a not-a-number fails too
+  if (c->narrow != GV_NARROW_CORE && c->narrow != GV_NARROW_LIBCCD) return "narrow";
   for (int i = 0; i < GV_FINGERS; i++)
     for (int s = 0; s < 3; s++) {
       if (!(c->hand.segment_m[i][s] > 0.001 && c->hand.segment_m[i][s] < 0.2)) return "hand.segment_m";

@@ -7,13 +7,13 @@
 
 typedef struct rub { gv_friction friction; double mu; int material; } rub;
 
-typedef struct pair {
+typedef struct touching {
   int body_a, body_b;          // dynamics numbering
   const gv_shape *shape_a, *shape_b;
   double margin;
   rub rub;
   gv_pair_cache *cache;
-} pair;
+} touching;
 
 static bool boxes_meet(const gv_aabb *a, const gv_aabb *b) {
   return a->min.x <= b->max.x && b->min.x <= a->max.x && a->min.y <= b->max.y && b->min.y <= a->max.y &&
@@ -108,7 +108,7 @@ static gv_vec3 friction_dir(gv_vec3 slip, gv_vec3 normal) {
   return n > 1e-6 ? gv_scale(slip, 1.0 / n) : gv_any_perpendicular(normal);
 }
 
-static void add_contact(gv_engine *e, const pair *p, const gv_contact_point *k, const gv_body_state *a, const gv_body_state *b) {
+static void add_contact(gv_engine *e, const touching *p, const gv_contact_point *k, const gv_body_state *a, const gv_body_state *b) {
   const gv_vec3 x = k->position_world, n = k->normal_world, v = gv_sub(point_velocity(a, x), point_velocity(b, x));
   const double approach = -gv_dot(v, n), closing = approach > 0.0 ? approach : 0.0;
   if (-k->depth > 0.5 * e->cfg.contact_margin_m + e->cfg.step_s * closing) return;
@@ -134,7 +134,7 @@ static void add_contact(gv_engine *e, const pair *p, const gv_contact_point *k, 
   if (k->depth > e->counters.depth_max_m) e->counters.depth_max_m = k->depth;
 }
 
-static void collide_pair(gv_engine *e, const pair *p) {
+static void collide_pair(gv_engine *e, const touching *p) {
   if (++e->pair_count > GV_MAX_PAIRS) {
     e->events |= GV_EVENT_PAIRS_DROPPED;
     e->counters.pairs_dropped++;
@@ -143,9 +143,9 @@ static void collide_pair(gv_engine *e, const pair *p) {
   gv_contact_point point[GV_MAX_PAIR_CONTACTS];
   gv_distance distance;
   const gv_body_state *a = &e->predicted[p->body_a], *b = &e->predicted[p->body_b];
-  int count = gv_manifold_pair(p->shape_a, &a->T, p->shape_b, &b->T, p->margin, p->cache, point, &distance);
-  bool overlap = distance.method == GV_NARROW_EPA || distance.method == GV_NARROW_FACES;
-  if (overlap && p->body_a < GV_LIMBS) {
+  const gv_pair pair = {p->shape_a, &a->T, p->shape_b, &b->T};
+  int count = gv_manifold_pair(e->cfg.narrow, &pair, p->margin, p->cache, point, &distance);
+  if (gv_distance_overlaps(&distance) && p->body_a < GV_LIMBS) {
     e->events |= GV_EVENT_OVERLAP;
     e->counters.overlaps++;
   }
@@ -168,7 +168,7 @@ static rub rub_between(const gv_engine *e, rub a, rub b) {
 }
 
 static void collide_limb_piece(gv_engine *e, int limb, int o, int piece, rub rubbing) {
-  collide_pair(e, &(pair){limb, GV_LIMBS + o, &e->limb_shape[limb], &e->piece_shape[piece], e->margin[limb] + e->margin[GV_LIMBS + o],
+  collide_pair(e, &(touching){limb, GV_LIMBS + o, &e->limb_shape[limb], &e->piece_shape[piece], e->margin[limb] + e->margin[GV_LIMBS + o],
                           rubbing, &e->limb_cache[limb * e->scene->piece_count + piece]});
 }
 
@@ -208,7 +208,7 @@ static void collide_objects(gv_engine *e, int a, int b) {
     for (int j = B->piece_first; j < B->piece_first + B->piece_count; j++) {
       if (!boxes_meet(&box, &e->piece_box[j])) continue;
       int high = i > j ? i : j, low = i > j ? j : i;
-      collide_pair(e, &(pair){GV_LIMBS + a, GV_LIMBS + b, &e->piece_shape[i], &e->piece_shape[j], margin, rubbing,
+      collide_pair(e, &(touching){GV_LIMBS + a, GV_LIMBS + b, &e->piece_shape[i], &e->piece_shape[j], margin, rubbing,
                               &e->piece_cache[high * (high - 1) / 2 + low]});
     }
   }

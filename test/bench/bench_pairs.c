@@ -41,7 +41,7 @@ static void make_motion(const gv_shape *a, const gv_shape *b) {
     double high = gv_dot(gv_support(b, &at_origin, d, NULL), d), low = gv_dot(gv_support(a, &T, gv_neg(d), NULL), d);
     T.p = gv_scale(d, high - low);
     for (int k = 0; k < 4; k++) {
-      gv_distance_pair(a, &T, b, &at_origin, 1.0, &cache, &now);
+      gv_distance_pair(GV_NARROW_CORE, &(gv_pair){a, &T, b, &at_origin}, 1.0, &cache, &now);
       T.p = gv_mad(T.p, 0.001 - 0.002 * cos(0.7 * t) - now.distance, now.normal_world);
     }
     motion[i] = T;
@@ -66,9 +66,9 @@ static double run_ours(const gv_shape *a, const gv_shape *b, int first, bool con
   gv_distance d;
   int64_t start = now_ns();
   for (int i = first; i < first + BLOCK; i++) {
-    if (contacts) gv_manifold_pair(a, &motion[i], b, &at_origin, margin, cache, point, &d);
+    if (contacts) gv_manifold_pair(GV_NARROW_CORE, &(gv_pair){a, &motion[i], b, &at_origin}, margin, cache, point, &d);
     else {
-      gv_distance_pair(a, &motion[i], b, &at_origin, 1.0, cache, &d);
+      gv_distance_pair(GV_NARROW_CORE, &(gv_pair){a, &motion[i], b, &at_origin}, 1.0, cache, &d);
       ours[i] = d.distance;
     }
   }

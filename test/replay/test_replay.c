@@ -115,7 +115,7 @@ static void watch_hold(const expectation *x, const gv_engine *engine, int object
 static uint64_t chain_hash(uint64_t chain, uint64_t hash) { return (chain ^ hash) * 1099511628211ULL; }
 
 // Runs one trace. Returns 0, or negative with a message printed.
-static int replay(const expectation *x, bool paper, bool every_step, measures *m) {
+static int replay(const expectation *x, const gv_config *engine_cfg, bool every_step, measures *m) {
   char path[256], err[512];
   gv_driver trace;
   gv_scene scene;
@@ -123,7 +123,7 @@ static int replay(const expectation *x, bool paper, bool every_step, measures *m
   gv_settings settings;
   memset(m, 0, sizeof *m);
   gv_settings_default(&settings);
-  if (paper) settings.engine = gv_config_paper();
+  settings.engine = *engine_cfg;
   gv_arena_init(&arena, scene_memory, sizeof scene_memory);
   snprintf(path, sizeof path, "data/traces/%s/input.log.gz", x->name);
   if (gv_scene_load(x->scene, &arena, &scene, err, sizeof err) || gv_trace_open(path, &trace, err, sizeof err)) {
@@ -169,9 +169,9 @@ static bool is_missing(const expectation *x) {
   if (f) fclose(f);
   return !f;
 }
-static void check_twice(const expectation *x, bool paper, const measures *m) {
+static void check_twice(const expectation *x, const gv_config *engine_cfg, const measures *m) {
   static measures again;
-  CHECK(replay(x, paper, false, &again) == 0 && again.hash == m->hash, "%s: two replays differ", x->name);
+  CHECK(replay(x, engine_cfg, false, &again) == 0 && again.hash == m->hash, "%s: two replays differ", x->name);
 }
 
 static void check_hashes(const expectation *x, const measures *m) {
@@ -198,22 +198,34 @@ static void check_hold(const expectation *x, const measures *m) {
 }
 
 static void test_trace_default(void) {
+  const gv_config cfg = gv_config_default();
   if (is_compiled(&expected) && is_missing(&expected)) { SKIP("its scene is not compiled here; make scenes"); return; }
-  if (replay(&expected, false, true, &measured)) { CHECK(0, "%s did not run", expected.name); return; }
-  if (is_compiled(&expected)) check_twice(&expected, false, &measured);
+  if (replay(&expected, &cfg, true, &measured)) { CHECK(0, "%s did not run", expected.name); return; }
+  if (is_compiled(&expected)) check_twice(&expected, &cfg, &measured);
   else check_hashes(&expected, &measured);
   check_hold(&expected, &measured);
 }
+// The other narrow phase holds what ours holds, within the same limits.
+static void test_trace_libccd(void) {
+  gv_config cfg = gv_config_default();
+  cfg.narrow = GV_NARROW_LIBCCD;
+  if (is_compiled(&expected) && is_missing(&expected)) { SKIP("its scene is not compiled here; make scenes"); return; }
+  if (replay(&expected, &cfg, false, &measured)) { CHECK(0, "%s did not run", expected.name); return; }
+  check_twice(&expected, &cfg, &measured);
+  check_hold(&expected, &measured);
+}
 static void test_trace_hashes(void) {
-  if (replay(&expected, false, true, &measured)) { CHECK(0, "%s did not run", expected.name); return; }
+  const gv_config cfg = gv_config_default();
+  if (replay(&expected, &cfg, true, &measured)) { CHECK(0, "%s did not run", expected.name); return; }
   check_hashes(&expected, &measured);
 }
 // The paper's own parameters: softer, so the limits are wider, but the object stays in the hand.
 static void test_trace_paper(void) {
+  const gv_config cfg = gv_config_paper();
   if (is_compiled(&expected) && is_missing(&expected)) { SKIP("its scene is not compiled here; make scenes"); return; }
-  if (replay(&expected, true, false, &measured)) { CHECK(0, "%s did not run", expected.name); return; }
+  if (replay(&expected, &cfg, false, &measured)) { CHECK(0, "%s did not run", expected.name); return; }
   printf("figure %-16s slip %.3f mm, lifted %.0f mm (preset paper)\n", expected.name, measured.slip_m * 1e3, measured.lift_m * 1e3);
-  if (is_compiled(&expected)) check_twice(&expected, true, &measured);
+  if (is_compiled(&expected)) check_twice(&expected, &cfg, &measured);
   else CHECK(measured.hash == expected.hash_paper, "%s: state %016" PRIx64 ", expected %016" PRIx64, expected.name, measured.hash, expected.hash_paper);
   CHECK(measured.lift_m > 0.05, "%s: lifted by %g m", expected.name, measured.lift_m);
   CHECK(measured.slip_m < 0.005, "%s: slips %g m", expected.name, measured.slip_m);
@@ -221,9 +233,10 @@ static void test_trace_paper(void) {
 
 static void update(void) {
   static measures m;
-  if (replay(&expected, true, false, &m)) exit(2);
+  const gv_config cfg = gv_config_default(), paper_cfg = gv_config_paper();
+  if (replay(&expected, &paper_cfg, false, &m)) exit(2);
   uint64_t paper = m.hash;
-  if (replay(&expected, false, true, &m)) exit(2);
+  if (replay(&expected, &cfg, true, &m)) exit(2);
   write_expected(&expected, &m, paper);
   printf("%s: %d steps, %016" PRIx64 "\n", expected.name, m.steps, m.hash);
 }
@@ -245,6 +258,7 @@ int main(int argc, char **argv) {
     if (updating) { update(); continue; }
     if (hashes) { RUN(test_trace_hashes); continue; }
     RUN(test_trace_default);
+    RUN(test_trace_libccd);
     RUN(test_trace_paper);
   }
   if (!ran) { printf("FAIL no trace in data/traces\n"); return 1; }

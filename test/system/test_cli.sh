@@ -41,6 +41,7 @@ refused rate_low '5 ' --rate 5
 refused rate_high 20000 --rate 20000
 refused rate_not_a_number nan --rate nan
 refused rate_trailing 1000x --rate 1000x
+refused narrow_word 'give core or libccd' --narrow gjk
 refused duration_zero '--duration 0' --duration 0
 refused duration_negative '-3' --duration -3
 refused duration_infinite inf --duration inf
@@ -72,7 +73,7 @@ refused record_place "$tmp/no/x.log" --fcu "$press" --lcm none --record "$tmp/no
 refused summary_place "$tmp/no/x.json" --fcu "$press" --lcm none --summary "$tmp/no/x.json"
 
 "$gloved" --help > "$tmp/help"; code=$?
-for option in --config --scene --fcu --tracker --rate --duration --lcm --log --record --summary --no-rt --check --help --version; do
+for option in --config --scene --fcu --tracker --rate --narrow --duration --lcm --log --record --summary --no-rt --check --help --version; do
   grep -q -e "$option" "$tmp/help" || code=1
 done
 verdict help_names_every_option $code "$(cat "$tmp/help")"

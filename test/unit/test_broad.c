@@ -39,7 +39,7 @@ static bool touch(const gv_engine *e, const gv_shape *a, int body_a, const gv_sh
   gv_pair_cache cold = {.corners = 0};
   gv_distance d;
   const double near = 0.49 * e->cfg.contact_margin_m;
-  gv_distance_pair(a, &e->predicted[body_a].T, b, &e->predicted[body_b].T, near, &cold, &d);
+  gv_distance_pair(GV_NARROW_CORE, &(gv_pair){a, &e->predicted[body_a].T, b, &e->predicted[body_b].T}, near, &cold, &d);
   return d.distance < near;
 }
 

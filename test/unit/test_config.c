@@ -75,6 +75,13 @@ static void test_defaults_are_sound(void) {
   CHECK(access(s.scene, R_OK) == 0, "the default scene %s is not there", s.scene);
 }
 
+static void test_unknown_narrow_phase_is_refused(void) {
+  gv_config c = gv_config_default();
+  c.narrow = (gv_narrow)7;
+  const char *field = gv_config_check(&c);
+  CHECK(field && !strcmp(field, "narrow"), "%s", field ? field : "passes as sound");
+}
+
 static void test_calibration_example_equals_the_default(void) {
   gv_calibration a, b = gv_calibration_default();
   CHECK(gv_calibration_load("data/calibration/default.cal", &a, err, sizeof err) == 0, "%s", err);
@@ -104,7 +111,7 @@ static void test_settings_arrive(void) {
                       "tracker_to_world = { position_mm = [-1500, 0, 900]; orientation = [0.6, 0.0, 0.0, 0.8]; };\n"
                       "filter = { corner_hz = 0; gate_rad_s = 0.5; gate_m_s = 0.1; };\n"
                       "coupling = { rotation_law = \"paper\"; limb_gravity = true; palm = { mass_kg = 0.2; d_t = 3; }; };\n"
-                      "contact = { mu_hand = 1; friction = \"fixed_limit\"; erp = 0.5; cfm = 0.01; world_cfm = 1e-9; margin_mm = 1; };\n"
+                      "contact = { narrow = \"libccd\"; mu_hand = 1; friction = \"fixed_limit\"; erp = 0.5; cfm = 0.01; world_cfm = 1e-9; margin_mm = 1; };\n"
                       "solver = { step_s = 0.002; method = \"quickstep\"; rest_s = 1.5; };\n"
                       "override = { gravity_m_s2 = 1.5; mass_kg = 2; mu = 3; sphere_inertia = true; };\n"
                       "limiter = { max_n = 3.5; slew_n_per_s = 100; ramp_s = 0.1; max_age_s = 0.02; };\n"
@@ -123,6 +130,7 @@ static void test_settings_arrive(void) {
   CHECK(s.engine.filter_hz == 0 && s.engine.gate_rad_s == 0.5 && s.engine.gate_m_s == 0.1, "filter");
   CHECK(s.engine.rotation_law == GV_ROTATION_PAPER && s.engine.limb_gravity, "coupling");
   CHECK(s.engine.palm_mass_kg == 0.2 && s.engine.palm.d_t == 3, "palm");
+  CHECK(s.engine.narrow == GV_NARROW_LIBCCD, "narrow phase");
   CHECK(s.engine.mu_hand == 1 && s.engine.friction == GV_FRICTION_FIXED_LIMIT && s.engine.contact_erp == 0.5, "contact");
   CHECK(s.engine.contact_cfm == 0.01 && s.engine.world_cfm == 1e-9 && s.engine.contact_margin_m == 0.001, "contact");
   CHECK(s.engine.step_s == 0.002 && s.engine.solver == GV_SOLVER_QUICKSTEP, "solver");
@@ -205,6 +213,7 @@ static const mistake settings_mistakes[] = {
   {V "coupling = { limb = { k_f = -5; }; };\n", ":2: ", "'k_f' is -5"},
   {V "coupling = { rotation_law = \"exp\"; };\n", ":2: ", "\"log\" or \"paper\""},
   {V "contact = { world_cfm = 0; };\n", ":2: ", "'world_cfm' is 0"},
+  {V "contact = { narrow = \"gjk\"; };\n", ":2: ", "\"core\" or \"libccd\""},
   {V "solver = { method = 1; };\n", ":2: ", "\"auto\" or \"newton\" or \"dantzig\" or \"quickstep\""},
   {V "safety = { bad_limit = 0; };\n", ":2: ", "'bad_limit' is 0"},
   {V "calibration = \"/nonexistent.cal\";\n", ":2: ", "/nonexistent.cal: cannot open"},
@@ -269,6 +278,7 @@ int main(void) {
   RUN(test_example_equals_the_defaults);
   RUN(test_empty_file_is_the_default);
   RUN(test_defaults_are_sound);
+  RUN(test_unknown_narrow_phase_is_refused);
   RUN(test_calibration_example_equals_the_default);
   RUN(test_paper_preset_comes_first);
   RUN(test_settings_arrive);

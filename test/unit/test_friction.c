@@ -168,7 +168,7 @@ static void test_ball_distances(void) {
     gv_pair_cache cache = {.corners = 0};
     gv_contact_point k[GV_MAX_PAIR_CONTACTS];
     gv_distance d;
-    int count = gv_manifold_pair(&a, &A, &b, &B, 10, &cache, k, &d);
+    int count = gv_manifold_pair(GV_NARROW_CORE, &(gv_pair){&a, &A, &b, &B}, 10, &cache, k, &d);
     CHECK(count == 1, "%d contacts", count);
     CHECK_NEAR(d.distance, exact, 1e-9);
     CHECK_NEAR(k[0].depth, -exact, 1e-9);
@@ -177,7 +177,7 @@ static void test_ball_distances(void) {
   gv_pair_cache cache = {.corners = 0};
   gv_shape a = gv_shape_hull(&small);
   gv_distance d;
-  gv_distance_pair(&a, &same, &a, &same, 0.1, &cache, &d);
+  gv_distance_pair(GV_NARROW_CORE, &(gv_pair){&a, &same, &a, &same}, 0.1, &cache, &d);
   CHECK(fabs(d.distance + 0.2) < 1e-9 && fabs(gv_norm(d.normal_world) - 1) < 1e-9, "concentric: %g", d.distance);
 }
 

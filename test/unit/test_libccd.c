@@ -66,7 +66,7 @@ static gv_distance ask_ours(const box *a, const box *b) {
   gv_shape sa = gv_shape_hull(&hull_a), sb = gv_shape_hull(&hull_b);
   gv_pair_cache cache = {.corners = 0};
   gv_distance d;
-  gv_distance_pair(&sa, &a->T, &sb, &b->T, 10, &cache, &d);
+  gv_distance_pair(GV_NARROW_CORE, &(gv_pair){&sa, &a->T, &sb, &b->T}, 10, &cache, &d);
   return d;
 }
 
@@ -200,7 +200,7 @@ static void test_segment_nearly_parallel_to_a_face(void) {
     gv_pose A = gv_pose_mul(B, (gv_pose){gv_quat_axis_angle(gv_v3(0, 1, 0), tilt), {draw(-0.012, 0.012), draw(-0.01, 0.01), 0.04 + gap}});
     gv_pair_cache cache = {.corners = 0};
     gv_distance d;
-    gv_distance_pair(&a, &A, &b, &B, 1, &cache, &d);
+    gv_distance_pair(GV_NARROW_CORE, &(gv_pair){&a, &A, &b, &B}, 1, &cache, &d);
     gv_sincos(tilt, &s, &c);
     CHECK_NEAR(d.distance, gap - 0.015 * s - 0.008, 1e-12);
     CHECK(gv_dot(d.normal_world, gv_rotate(B.q, gv_v3(0, 0, 1))) > 1 - 1e-12, "straight up, tilt %g gap %g", tilt, gap);

@@ -29,7 +29,7 @@ typedef struct contacts { gv_contact_point p[GV_MAX_PAIR_CONTACTS]; int count; g
 static contacts touch(gv_shape a, gv_pose A, gv_shape b, gv_pose B, gv_pair_cache *cache) {
   contacts c;
   gv_pair_cache cold = {.corners = 0};
-  c.count = gv_manifold_pair(&a, &A, &b, &B, margin, cache ? cache : &cold, c.p, &c.d);
+  c.count = gv_manifold_pair(GV_NARROW_CORE, &(gv_pair){&a, &A, &b, &B}, margin, cache ? cache : &cold, c.p, &c.d);
   return c;
 }
 
@@ -196,7 +196,7 @@ static void test_single_points(void) {
   gv_shape a = gv_shape_hull(&box), b = gv_shape_hull(&table);
   gv_pair_cache cache = {.corners = 0};
   gv_pose B = gv_pose_identity();
-  gv_distance_pair(&a, &corner, &b, &B, 2, &cache, &d);
+  gv_distance_pair(GV_NARROW_CORE, &(gv_pair){&a, &corner, &b, &B}, 2, &cache, &d);
   corner.p.z -= d.distance + 1e-4;
   c = touch(a, corner, b, B, NULL);
   CHECK(c.count == 1, "corner of a box on the table: %d", c.count);
@@ -231,13 +231,13 @@ static double core_distance(const gv_shape *s, const gv_pose *T, gv_vec3 p) {
   gv_pose P = {{1, 0, 0, 0}, p};
   gv_pair_cache cache = {.corners = 0};
   gv_distance d;
-  gv_distance_pair(&point, &P, s, T, 10, &cache, &d);
+  gv_distance_pair(GV_NARROW_CORE, &(gv_pair){&point, &P, s, T}, 10, &cache, &d);
   return d.distance;
 }
 
 static void check_contacts(const contacts *c, const gv_shape *a, const gv_pose *A, const gv_shape *b, const gv_pose *B) {
   double deepest = -HUGE_VAL, depth = -c->d.distance;
-  CHECK((c->count > 0) == (c->d.method != GV_NARROW_FAR && c->d.distance <= margin), "%d contacts at distance %g", c->count, c->d.distance);
+  CHECK((c->count > 0) == (c->d.method != GV_DISTANCE_BEYOND && c->d.distance <= margin), "%d contacts at distance %g", c->count, c->d.distance);
   for (int k = 0; k < c->count; k++) {
     const gv_contact_point *p = &c->p[k];
     deepest = fmax(deepest, p->depth);
@@ -263,7 +263,7 @@ static void test_random_poses(void) {
     gv_pose B = {i % 3 ? draw_rotation() : gv_quat_identity(), {0.1, 0.2, 0.3}}, A = {i % 4 ? draw_rotation() : B.q, gv_mad(B.p, 0.1, draw_unit())};
     gv_pair_cache cache = {.corners = 0};
     gv_distance d;
-    gv_distance_pair(&a, &A, &b, &B, 1, &cache, &d);
+    gv_distance_pair(GV_NARROW_CORE, &(gv_pair){&a, &A, &b, &B}, 1, &cache, &d);
     double gap = i % 5 == 0 ? draw(-0.01, 0) : draw(-1, 1.2) * pow(10, draw(-9, -3));
     A.p = gv_mad(A.p, gap - d.distance, d.normal_world);
     contacts c = touch(a, A, b, B, i % 2 ? &cache : NULL);

@@ -62,7 +62,7 @@ static void test_depth_against_a_sweep_of_directions(void) {
     gv_pose B = {draw_rotation(), {0.1, 0.2, 0.3}}, A = {draw_rotation(), gv_mad(B.p, draw(0, 0.02), draw_unit())};
     gv_pair_cache cache = {.corners = 0};
     gv_distance d;
-    gv_distance_pair(&a, &A, &b, &B, 1, &cache, &d);
+    gv_distance_pair(GV_NARROW_CORE, &(gv_pair){&a, &A, &b, &B}, 1, &cache, &d);
     double swept = sweep_depth(&a, &A, &b, &B);
     raise(&above, -d.distance - swept);
     raise(&off, fabs(support_overlap(&a, &A, &b, &B, d.normal_world) + d.distance));
@@ -82,7 +82,7 @@ static void test_large_hulls_certified(void) {
     gv_pose B = {draw_rotation(), {0.1, 0.2, 0.3}}, A = {draw_rotation(), gv_mad(B.p, draw(0.05, 0.15), draw_unit())};
     gv_pair_cache cache = {.corners = 0};
     gv_distance d;
-    gv_distance_pair(&a, &A, &b, &B, 1, &cache, &d);
+    gv_distance_pair(GV_NARROW_CORE, &(gv_pair){&a, &A, &b, &B}, 1, &cache, &d);
     if (d.distance < 0) continue;
     raise(&gap, fabs(d.distance + support_overlap(&a, &A, &b, &B, d.normal_world)));
     if (d.iterations > iterations) iterations = d.iterations;
@@ -114,7 +114,7 @@ static void test_grid_aligned_boxes(void) {
       gv_pose B = gv_pose_identity(), A = {{1, 0, 0, 0}, offset};
       gv_pair_cache cache = {.corners = 0};
       gv_distance d;
-      gv_distance_pair(&a, &A, &b, &B, 1, &cache, &d);
+      gv_distance_pair(GV_NARROW_CORE, &(gv_pair){&a, &A, &b, &B}, 1, &cache, &d);
       CHECK_NEAR(d.distance, exact, 1e-14);
       CHECK_NEAR(gv_norm(d.normal_world), 1.0, 1e-14);
       CHECK_NEAR(-support_overlap(&a, &A, &b, &B, d.normal_world), exact, 1e-9);
@@ -134,7 +134,7 @@ static void test_limb_along_the_edge_of_a_plate(void) {
     oracle o = oracle_distance(&a, &A, &b, &B);
     gv_pair_cache cache = {.normal_world = draw_unit()};
     gv_distance d;
-    gv_distance_pair(&a, &A, &b, &B, 1, &cache, &d);
+    gv_distance_pair(GV_NARROW_CORE, &(gv_pair){&a, &A, &b, &B}, 1, &cache, &d);
     CHECK_NEAR(d.distance + a.radius, o.distance, 1e-10);
     CHECK(gv_norm(gv_sub(d.normal_world, o.normal)) < 2e-4, "normal off by %g", gv_norm(gv_sub(d.normal_world, o.normal)));
   }
@@ -153,7 +153,7 @@ static void test_degenerate_shapes(void) {
     if (i % 4 == 2) A.p = gv_mad(A.p, pow(10, draw(-17, -3)), draw_unit());
     gv_pair_cache cache = {.corners = 0};
     gv_distance d;
-    gv_distance_pair(&a, &A, &b, &B, 1, &cache, &d);
+    gv_distance_pair(GV_NARROW_CORE, &(gv_pair){&a, &A, &b, &B}, 1, &cache, &d);
     CHECK(isfinite(d.distance) && gv_v3_finite(d.on_a) && gv_v3_finite(d.on_b), "finite");
     CHECK_NEAR(gv_norm(d.normal_world), 1.0, 1e-12);
     CHECK_NEAR(-support_overlap(&a, &A, &b, &B, d.normal_world), d.distance, 2e-9);
@@ -169,7 +169,7 @@ static void test_nonsense_ends(void) {
     gv_pair_cache cache = {.normal_world = {value[i % 5], value[i % 7], 1}, .vertex_a = 65535, .vertex_b = 40000, .corners = 65535};
     gv_contact_point out[GV_MAX_PAIR_CONTACTS];
     gv_distance d;
-    int count = gv_manifold_pair(&a, &A, &b, &B, 1, &cache, out, &d);
+    int count = gv_manifold_pair(GV_NARROW_CORE, &(gv_pair){&a, &A, &b, &B}, 1, &cache, out, &d);
     CHECK(count >= 0 && count <= GV_MAX_PAIR_CONTACTS, "%d contacts", count);
   }
 }
@@ -181,9 +181,9 @@ static void test_far_is_a_bound(void) {
     double limit = draw(0, 0.1);
     gv_pair_cache cold = {.corners = 0}, warm = {.normal_world = draw_unit(), .vertex_a = 3, .vertex_b = 4};
     gv_distance exact, d;
-    gv_distance_pair(&a, &A, &b, &B, 1, &cold, &exact);
-    gv_distance_pair(&a, &A, &b, &B, limit, &warm, &d);
-    if (d.method == GV_NARROW_FAR) CHECK(d.distance >= limit && exact.distance >= d.distance - 1e-12, "far: %g of %g, exact %g", d.distance, limit, exact.distance);
+    gv_distance_pair(GV_NARROW_CORE, &(gv_pair){&a, &A, &b, &B}, 1, &cold, &exact);
+    gv_distance_pair(GV_NARROW_CORE, &(gv_pair){&a, &A, &b, &B}, limit, &warm, &d);
+    if (d.method == GV_DISTANCE_BEYOND) CHECK(d.distance >= limit && exact.distance >= d.distance - 1e-12, "far: %g of %g, exact %g", d.distance, limit, exact.distance);
     else CHECK_NEAR(d.distance, exact.distance, 1e-12);
   }
 }
@@ -200,7 +200,7 @@ static void test_sliding_over_a_face_and_an_edge(void) {
     double x = -0.02 + 3e-6 * i, z = 0.047 - 2e-7 * i, ex = fmax(0, x - 0.03), ez = fmax(0, z - 0.04), gap = sqrt(ex * ex + ez * ez);
     gv_pose A = gv_pose_mul(B, (gv_pose){{half, 0, 0, half}, {x, 0.001, z}});
     gv_distance d;
-    gv_distance_pair(&a, &A, &b, &B, 1, &cache, &d);
+    gv_distance_pair(GV_NARROW_CORE, &(gv_pair){&a, &A, &b, &B}, 1, &cache, &d);
     CHECK_NEAR(d.distance, gap - 0.008, 1e-14);
     CHECK(gv_norm(gv_sub(d.normal_world, gv_rotate(B.q, gv_v3(ex / gap, 0, ez / gap)))) < 1e-11, "normal at step %d", i);
   }
@@ -218,7 +218,7 @@ static void test_sliding_around_a_hull(void) {
       gv_distance d;
       gv_sincos(2 * GV_PI * i / 4000, &s, &c);
       A.p = gv_add(B.p, gv_add(gv_scale(u, 0.062 * c), gv_scale(v, 0.062 * s)));
-      gv_distance_pair(&a, &A, &b, &B, 1, &cache, &d);
+      gv_distance_pair(GV_NARROW_CORE, &(gv_pair){&a, &A, &b, &B}, 1, &cache, &d);
       gv_vec3 between = gv_scale(d.normal_world, d.distance + a.radius);
       double moved = gv_norm(gv_sub(A.p, last_p));
       if (i && d.distance + a.radius > 1e-9) CHECK(gv_norm(gv_sub(between, last_between)) <= moved + 1e-12, "step %d of %s", i, hull_name[h]);
@@ -236,13 +236,13 @@ static void test_sliding_in_overlap(void) {
     gv_pose B = {draw_rotation(), {0.1, 0.2, 0.3}}, A = {k % 5 ? draw_rotation() : B.q, gv_mad(B.p, 0.2, draw_unit())};
     gv_pair_cache cache = {.corners = 0};
     gv_distance d, last;
-    gv_distance_pair(&a, &A, &b, &B, 1, &cache, &d);
+    gv_distance_pair(GV_NARROW_CORE, &(gv_pair){&a, &A, &b, &B}, 1, &cache, &d);
     A.p = gv_mad(A.p, -1e-4 - a.radius - d.distance, d.normal_world);  // the cores 0.1 mm deep
     gv_vec3 step = gv_scale(gv_mad(draw_unit(), -0.5, d.normal_world), 2e-6);
-    gv_distance_pair(&a, &A, &b, &B, 1, &cache, &last);
+    gv_distance_pair(GV_NARROW_CORE, &(gv_pair){&a, &A, &b, &B}, 1, &cache, &last);
     for (int i = 0; i < 1500; i++) {
       A.p = gv_add(A.p, step);
-      gv_distance_pair(&a, &A, &b, &B, 1, &cache, &d);
+      gv_distance_pair(GV_NARROW_CORE, &(gv_pair){&a, &A, &b, &B}, 1, &cache, &d);
       CHECK(fabs(d.distance - last.distance) <= gv_norm(step) + 3e-10, "pair %d step %d: %g to %g", k, i, last.distance, d.distance);
       CHECK(-d.distance <= support_overlap(&a, &A, &b, &B, last.normal_world) + 1e-9, "pair %d step %d: the last normal was better", k, i);
       last = d;
@@ -258,7 +258,7 @@ static void test_resting_box_does_not_chatter(void) {
     gv_vec3 tilt = gv_scale(gv_v3(draw(-1, 1), draw(-1, 1), 0), 1e-8);
     gv_pose B = gv_pose_identity(), A = {gv_quat_exp(tilt), {0.1, 0.2, 0.09 + draw(-3, 3) * 1e-9}};
     gv_distance d;
-    gv_distance_pair(&a, &A, &b, &B, 0.001, &cache, &d);
+    gv_distance_pair(GV_NARROW_CORE, &(gv_pair){&a, &A, &b, &B}, 0.001, &cache, &d);
     double lowest = A.p.z - 0.04 - 0.03 * fabs(tilt.y) - 0.02 * fabs(tilt.x) - 0.05;
     CHECK_NEAR(d.distance, lowest, 1e-11);
     CHECK(d.normal_world.z > 1 - 1e-15, "normal leans by %g", gv_norm(gv_sub(d.normal_world, gv_v3(0, 0, 1))));
@@ -273,13 +273,13 @@ static void test_no_step_at_touching(void) {
     gv_pose B = {draw_rotation(), {0.1, 0.2, 0.3}}, A = {draw_rotation(), gv_mad(B.p, 0.2, draw_unit())};
     gv_pair_cache cache = {.corners = 0};
     gv_distance d, last;
-    gv_distance_pair(&a, &A, &b, &B, 1, &cache, &d);
+    gv_distance_pair(GV_NARROW_CORE, &(gv_pair){&a, &A, &b, &B}, 1, &cache, &d);
     gv_vec3 n = d.normal_world;
     A.p = gv_mad(A.p, 4e-9 - d.distance, n);
-    gv_distance_pair(&a, &A, &b, &B, 1, &cache, &last);
+    gv_distance_pair(GV_NARROW_CORE, &(gv_pair){&a, &A, &b, &B}, 1, &cache, &last);
     for (int i = 0; i < 200; i++) {
       A.p = gv_mad(A.p, -4e-11, n);
-      gv_distance_pair(&a, &A, &b, &B, 1, &cache, &d);
+      gv_distance_pair(GV_NARROW_CORE, &(gv_pair){&a, &A, &b, &B}, 1, &cache, &d);
       CHECK(fabs(d.distance - last.distance) <= 4e-11 + 3e-10, "step of %g at %g", d.distance - last.distance, d.distance);
       last = d;
     }
@@ -314,7 +314,7 @@ static void bench_pair(const char *name, gv_shape a, gv_shape b, double gap, boo
     A = (gv_pose){gv_quat_normalize(gv_quat_mul(gv_quat_axis_angle(axis, 0.002), A.q)), gv_add(A.p, step)};
     for (int k = 0; k < 3; k++) {
       gv_pair_cache cold = {.corners = 0};
-      gv_distance_pair(&a, &A, &b, &B, 10, &cold, &d);
+      gv_distance_pair(GV_NARROW_CORE, &(gv_pair){&a, &A, &b, &B}, 10, &cold, &d);
       A.p = gv_mad(A.p, gap - d.distance, d.normal_world);
     }
     gv_pair_cache next = cache;
@@ -323,8 +323,8 @@ static void bench_pair(const char *name, gv_shape a, gv_shape b, double gap, boo
     for (int k = 0; k < 5; k++) {
       next = cache;
       double start = now_ns();
-      if (with_manifold) count = gv_manifold_pair(&a, &A, &b, &B, 0.001, &next, out, &d);
-      else gv_distance_pair(&a, &A, &b, &B, 0.001, &next, &d);
+      if (with_manifold) count = gv_manifold_pair(GV_NARROW_CORE, &(gv_pair){&a, &A, &b, &B}, 0.001, &next, out, &d);
+      else gv_distance_pair(GV_NARROW_CORE, &(gv_pair){&a, &A, &b, &B}, 0.001, &next, &d);
       ns[i] = fmin(ns[i], now_ns() - start);
     }
     cache = next;

@@ -27,7 +27,7 @@ static void test_a_limb_across_a_ridge_touches_both_slopes(void) {
   const double height = 0.0175;  // axis, 7.5 mm over the ridge: 0.5 mm deep there
   gv_pose T = {{1, 0, 0, 0}, {0.003, 0, height}};
   gv_polygon_depth out[16];
-  int count = gv_polygon_depths(&limb, &T, &b, &here, gv_v3(0, 0, 1), 0.0, out, 16);
+  int count = gv_polygon_depths(&(gv_pair){&limb, &T, &b, &here}, gv_v3(0, 0, 1), 0.0, out, 16);
   CHECK(count == 2, "%d polygons", count);
   // The axis' point nearest to a slope, among those whose foot lies on it, has its foot on the ridge: 7.5 mm / cos.
   double slope = atan(0.2);
@@ -53,9 +53,9 @@ static void test_depths_equal_dense_sampling(void) {
     gv_pose T = {gv_quat_exp(gv_v3(check_uniform(&r, -2, 2), check_uniform(&r, -2, 2), check_uniform(&r, -2, 2))), {0, 0, 0.046}};
     gv_pair_cache cache = {0};
     gv_distance d;
-    gv_distance_pair(&limb, &T, &b, &here, 1.0, &cache, &d);
+    gv_distance_pair(GV_NARROW_CORE, &(gv_pair){&limb, &T, &b, &here}, 1.0, &cache, &d);
     gv_polygon_depth out[64];
-    int count = gv_polygon_depths(&limb, &T, &b, &here, d.normal_world, 0.0, out, 64);
+    int count = gv_polygon_depths(&(gv_pair){&limb, &T, &b, &here}, d.normal_world, 0.0, out, 64);
     for (int i = 0; i < count; i++) {
       double lowest = 1;
       gv_vec3 n = hull.face_normal[out[i].face];
@@ -71,7 +71,7 @@ static void test_depths_equal_dense_sampling(void) {
       compared++;
       CHECK(fabs(out[i].depth - (0.009 - lowest)) < 2e-5, "trial %d polygon %d: %g against %g", trial, out[i].face, out[i].depth, 0.009 - lowest);
     }
-    if (d.distance < -1e-6 && d.method == GV_NARROW_GJK) {
+    if (d.distance < -1e-6 && d.method == GV_DISTANCE_GJK) {
       double deepest = 0;
       for (int i = 0; i < count; i++) deepest = fmax(deepest, out[i].depth);
       CHECK(deepest <= -d.distance + 1e-12, "trial %d: a polygon is deeper (%g) than the pair (%g)", trial, deepest, -d.distance);
@@ -87,7 +87,7 @@ static void test_a_palm_covers_a_small_polygon(void) {
   gv_shape palm = gv_shape_rounded_box(gv_v3(0.03, 0.03, 0), 0.01), b = gv_shape_hull(&hull);
   gv_pose T = {gv_quat_exp(gv_v3(0, 0.1, 0)), {0, 0, 0.01}};  // a flat core, wider than the polygon, tilted
   gv_polygon_depth out[8];
-  int count = gv_polygon_depths(&palm, &T, &b, &here, gv_v3(0, 0, 1), 0.0, out, 8);
+  int count = gv_polygon_depths(&(gv_pair){&palm, &T, &b, &here}, gv_v3(0, 0, 1), 0.0, out, 8);
   CHECK(count == 1, "%d polygons", count);
   CHECK_NEAR(out[0].depth, 0.01 * tan(0.1), 1e-12);  // lowest over the polygon's edge at x = 0.01
   CHECK_NEAR(out[0].position_world.x, 0.01, 1e-12);

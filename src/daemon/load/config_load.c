@@ -148,11 +148,28 @@ static void read_coupling(gv_conf_group *root, gv_config *out) {
   gv_conf_leave(&coupling);
 }
 
+static const char *const narrow_names[] = {[GV_NARROW_CORE] = "core", [GV_NARROW_LIBCCD] = "libccd", NULL};
+
+int gv_settings_set_narrow(gv_config *out, const char *name) {
+  for (int i = 0; narrow_names[i]; i++) {
+    if (strcmp(narrow_names[i], name)) continue;
+    out->narrow = (gv_narrow)i;
+    return 0;
+  }
+  return -1;
+}
+
+static void read_narrow(gv_conf_group *contact, gv_config *out) {
+  int narrow;
+  if (gv_conf_choice(contact, "narrow", narrow_names, &narrow)) out->narrow = (gv_narrow)narrow;
+}
+
 static void read_contact(gv_conf_group *root, gv_config *out) {
   static const char *const models[] = {"pyramid", "fixed_limit", NULL};
   gv_conf_group contact;
   if (!gv_conf_enter(root, "contact", &contact)) return;
   int model;
+  read_narrow(&contact, out);
   gv_conf_number(&contact, "mu_hand", 0, 1e4, &out->mu_hand);
   if (gv_conf_choice(&contact, "friction", models, &model))
     out->friction = model ? GV_FRICTION_FIXED_LIMIT : GV_FRICTION_PYRAMID;

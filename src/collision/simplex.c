@@ -1,13 +1,11 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // The innermost step of the narrow phase: the point nearest to the origin of a point, segment, triangle or
-// tetrahedron of the obstacle B - A. Edges are libccd's point-segment distance; this file alone knows libccd.
-// What decides between near equals is computed so that it keeps its digits on thin triangles, which shapes
-// aligned with each other produce all the time. Pure; any thread. Cost: 20 to 100 ns.
-#include "collision/narrow_simplex.h"
+// tetrahedron of the obstacle B - A (Ericson, Real-Time Collision Detection, 5.1). What decides between near equals
+// is computed so that it keeps its digits on thin triangles, which shapes aligned with each other produce all the
+// time. Pure; any thread. Cost: 20 to 100 ns.
+#include "collision/simplex.h"
 
-#include <ccd/vec3.h>
-
-static ccd_vec3_t ccd_from(gv_vec3 v) { return (ccd_vec3_t)CCD_VEC3_STATIC(v.x, v.y, v.z); }
+#include <assert.h>
 
 static void drop_corner(gv_simplex *s, int k) {
   s->count--;
@@ -20,23 +18,22 @@ static void swap_ends(gv_simplex *s) {
   s->p[1] = p;
 }
 
-// Each solve_... finds the point nearest to the origin and keeps only the corners that carry it.
 // The nearer end comes first. However near to it the point is, the other end stays: between edges that almost touch
-// a step of 1e-15 m along the edge still turns the direction by radians. (libccd takes such a point for the end.)
+// a step of 1e-15 m along the edge still turns the direction by radians.
 static gv_vec3 solve_segment(gv_simplex *s) {
   if (gv_norm2(s->p[1].w) < gv_norm2(s->p[0].w)) swap_ends(s);
-  gv_vec3 a = s->p[0].w, e = gv_sub(s->p[1].w, a);
-  double length2 = gv_norm2(e), t = length2 > 0 ? -gv_dot(a, e) / length2 : 0;
+  gv_vec3 a = s->p[0].w;
+  gv_vec3 edge = gv_sub(s->p[1].w, a);
+  double length2 = gv_norm2(edge);
+  double t = length2 > 0 ? -gv_dot(a, edge) / length2 : 0;
   if (!(t > 0)) {
     drop_corner(s, 1);
     s->weight[0] = 1;
     return a;
   }
-  s->weight[0] = 1 - t, s->weight[1] = t;
-  if (t < 1e-14) return gv_mad(a, t, e);
-  ccd_vec3_t from = ccd_from(a), to = ccd_from(s->p[1].w), nearest;
-  ccdVec3PointSegmentDist2(ccd_vec3_origin, &from, &to, &nearest);
-  return gv_v3(nearest.v[0], nearest.v[1], nearest.v[2]);
+  s->weight[0] = 1 - t;
+  s->weight[1] = t;
+  return gv_mad(a, t, edge);
 }
 
 static gv_vec3 solve_edges(gv_simplex *s, const bool wanted[3]) {
@@ -47,19 +44,25 @@ static gv_vec3 solve_edges(gv_simplex *s, const bool wanted[3]) {
     gv_simplex edge = *s;
     drop_corner(&edge, k);
     gv_vec3 v_edge = solve_segment(&edge);
-    if (gv_norm2(v_edge) < gv_norm2(v)) v = v_edge, best = edge;
+    if (!(gv_norm2(v_edge) < gv_norm2(v))) continue;
+    v = v_edge;
+    best = edge;
   }
   *s = best;
   return v;
 }
 
 // The foot of the origin on the plane, where that is inside; else the nearest of the edges that the foot sees
-// (opposite a corner of negative weight). libccd's triangle distance solves normal equations instead and
-// compares with an absolute epsilon: on thin triangles that put aligned boxes millimetres off.
+// (opposite a corner of negative weight).
 gv_vec3 gv_simplex_solve_triangle(gv_simplex *s) {
-  gv_vec3 a = s->p[0].w, b = s->p[1].w, c = s->p[2].w, ab = gv_sub(b, a), ac = gv_sub(c, a), n = gv_cross(ab, ac);
-  double n2 = gv_norm2(n), w[3] = {gv_dot(n, gv_cross(b, c)), gv_dot(n, gv_cross(c, a)), gv_dot(n, gv_cross(a, b))};
-  bool flat = !(n2 > 1e-20 * gv_norm2(ab) * gv_norm2(ac)), edge[3];
+  assert(s->count == 3);
+  gv_vec3 a = s->p[0].w, b = s->p[1].w, c = s->p[2].w;
+  gv_vec3 ab = gv_sub(b, a), ac = gv_sub(c, a);
+  gv_vec3 n = gv_cross(ab, ac);
+  double n2 = gv_norm2(n);
+  double w[3] = {gv_dot(n, gv_cross(b, c)), gv_dot(n, gv_cross(c, a)), gv_dot(n, gv_cross(a, b))};
+  bool flat = !(n2 > 1e-20 * gv_norm2(ab) * gv_norm2(ac));
+  bool edge[3];
   for (int k = 0; k < 3; k++) edge[k] = flat || w[k] <= 0;
   if (edge[0] || edge[1] || edge[2]) return solve_edges(s, edge);
   for (int k = 0; k < 3; k++) s->weight[k] = w[k] / n2;
@@ -69,13 +72,13 @@ gv_vec3 gv_simplex_solve_triangle(gv_simplex *s) {
 // Is the origin on the other side of the plane a, b, c than d? Undecided (a flat tetrahedron) counts as yes.
 static bool is_outside(gv_vec3 a, gv_vec3 b, gv_vec3 c, gv_vec3 d) {
   gv_vec3 n = gv_cross(gv_sub(b, a), gv_sub(c, a));
-  double of_origin = -gv_dot(n, a), of_d = gv_dot(n, gv_sub(d, a));
+  double of_origin = -gv_dot(n, a);
+  double of_d = gv_dot(n, gv_sub(d, a));
   if (fabs(of_d) <= 1e-14 * gv_norm(n) * gv_norm(gv_sub(d, a))) return true;
   return of_d > 0 ? of_origin < 0 : of_origin > 0;
 }
 
-// False where the origin is inside the tetrahedron.
-static bool solve_tetrahedron(gv_simplex *s, gv_vec3 *out_v) {
+static inline bool solve_tetrahedron(gv_simplex *s, gv_triangle_solver triangle, gv_vec3 *out_v) {
   static const uint8_t face[4][4] = {{0, 1, 3, 2}, {1, 2, 3, 0}, {2, 0, 3, 1}, {0, 1, 2, 3}};
   gv_simplex best = *s;
   bool found = false;
@@ -83,24 +86,33 @@ static bool solve_tetrahedron(gv_simplex *s, gv_vec3 *out_v) {
     gv_simplex side = {.count = 3};
     for (int k = 0; k < 3; k++) side.p[k] = s->p[face[f][k]];
     if (!is_outside(side.p[0].w, side.p[1].w, side.p[2].w, s->p[face[f][3]].w)) continue;
-    gv_vec3 v = gv_simplex_solve_triangle(&side);
-    if (!found || gv_norm2(v) < gv_norm2(*out_v)) *out_v = v, best = side, found = true;
+    gv_vec3 v = triangle(&side);
+    if (found && !(gv_norm2(v) < gv_norm2(*out_v))) continue;
+    *out_v = v;
+    best = side;
+    found = true;
   }
   *s = best;
   return found;
 }
 
-bool gv_simplex_solve(gv_simplex *s, gv_vec3 *out_v) {
-  if (s->count == 4) return solve_tetrahedron(s, out_v);
-  *out_v = s->count == 3 ? gv_simplex_solve_triangle(s) : solve_segment(s);
+bool gv_simplex_solve_tetrahedron(gv_simplex *s, gv_triangle_solver triangle, gv_vec3 *out_nearest) {
+  assert(s->count == 4);
+  return solve_tetrahedron(s, triangle, out_nearest);
+}
+
+bool gv_simplex_solve(gv_simplex *s, gv_vec3 *out_nearest) {
+  assert(s->count >= 2 && s->count <= 4);
+  if (s->count == 4) return solve_tetrahedron(s, gv_simplex_solve_triangle, out_nearest);
+  *out_nearest = s->count == 3 ? gv_simplex_solve_triangle(s) : solve_segment(s);
   return true;
 }
 
 // On an edge, once more at right angles to it: exact where the difference of two near points is not.
 gv_vec3 gv_simplex_polish(const gv_simplex *s, gv_vec3 v) {
   if (s->count != 2) return v;
-  gv_vec3 e = gv_sub(s->p[1].w, s->p[0].w);
-  return gv_mad(v, -gv_dot(v, e) / gv_norm2(e), e);
+  gv_vec3 edge = gv_sub(s->p[1].w, s->p[0].w);
+  return gv_mad(v, -gv_dot(v, edge) / gv_norm2(edge), edge);
 }
 
 gv_vec3 gv_simplex_on_a(const gv_simplex *s) {
