@@ -20,7 +20,7 @@ gv_config gv_config_default(void) {
     .mu_hand = 0.8,
     .friction = GV_FRICTION_PYRAMID,
     .contact_erp = 0.2, .contact_cfm = 1e-3,   // 2e5 N/m and 800 N s/m at 1 ms
-    .world_cfm = 1e-9,
+    .world_cfm = 1e-7,
     .contact_margin_m = 0.0005,
     .solver = GV_SOLVER_AUTO,
     .rest_s = 0.2,

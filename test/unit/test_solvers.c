@@ -125,7 +125,18 @@ static double excess_friction(const gv_problem_contact *c, gv_vec3 x) {
   return fmax(t1, t2) - bound;
 }
 
-// Dantzig's and Newton's motions agree, for both mean the same problem; impulses obey the law, momentum is kept.
+// Does nothing slide? Then the impulses solve the pyramid's problem as well as the cone's.
+static bool all_stick(const gv_problem *q, const answer *a) {
+  for (int i = 0; i < q->contact_count; i++) {
+    const double normal = gv_dot(a->impulse[i], q->contact[i].frame[0]);
+    const double friction = gv_norm(gv_mad(a->impulse[i], -normal, q->contact[i].frame[0]));
+    if (friction > 0.999 * q->contact[i].mu * normal) return false;
+  }
+  return true;
+}
+
+// Dantzig's and Newton's motions agree, for both mean the same problem, where the cone of the one and the pyramid of the
+// other allow the same; impulses obey the law, momentum is kept.
 static void test_dantzig_means_the_same_problem(void) {
   gv_choice choice = open_solvers();
   static gv_problem q;
@@ -133,7 +144,6 @@ static void test_dantzig_means_the_same_problem(void) {
   int compared = 0, differ = 0, solved = 0;
   for (int trial = 0; trial < 2000; trial++) {
     draw_problem(&q, GV_FRICTION_PYRAMID);
-    for (int i = 0; i < q.contact_count; i++) q.contact[i].mu *= 0.5;  // little friction: one solution
     newton = ask(&choice, &gv_solver_newton, &q);
     dantzig = ask(&choice, &gv_solver_dantzig, &q);
     if (dantzig.outcome != GV_OUTCOME_NONE) check_momentum(&q, &dantzig, "dantzig");
@@ -144,14 +154,14 @@ static void test_dantzig_means_the_same_problem(void) {
       const double normal = gv_dot(dantzig.impulse[i], q.contact[i].frame[0]), excess = excess_friction(&q.contact[i], dantzig.impulse[i]);
       CHECK(normal > -1e-9 && excess < 1e-7 + 1e-3 * normal, "trial %d: %g N s of friction too much on %g", trial, excess, normal);
     }
-    if (newton.outcome != GV_OUTCOME_SOLVED) continue;
+    if (newton.outcome != GV_OUTCOME_SOLVED || !all_stick(&q, &newton)) continue;
     double apart = 0;
     for (int b = 0; b < q.body_count; b++) apart = fmax(apart, gv_norm(gv_sub(newton.velocity[b].v, dantzig.velocity[b].v)));
     compared++;
     differ += apart > 1e-3;
   }
   printf("  %d of 2000 solved by dantzig, %d compared with newton, %d differ by more than 1 mm/s\n", solved, compared, differ);
-  CHECK(compared > 1500 && differ * 50 < compared, "%d compared, %d differ", compared, differ);
+  CHECK(compared > 300 && differ == 0, "%d compared, %d differ", compared, differ);
   gv_choice_close(&choice);
 }
 

@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// The direct contact solver against the contact problem's own conditions, on random problems whose matrices are
-// built here anew: no impulse pulls, no contact closes faster than allowed, what pushes does not separate,
-// friction stays in its bounds, and where it is at a bound it opposes the slip. The problems are nastier than a grasp (strong
-// friction between bodies that hold each other from all sides, nothing known from a last step): some have no solution with
-// Coulomb's limits, and then all but these must hold. And the elimination of blocks against that of the whole matrix.
+// The contact solver `newton` against the contact problem's own conditions, on random problems whose matrices are built
+// here anew: no impulse pulls, no contact closes faster than allowed, what pushes does not separate, friction stays in
+// Coulomb's round cone, opposes the slip where it is at the cone's surface (maximum dissipation), and holds below it. The
+// problems are nastier than a grasp: strong friction between bodies that hold each other from all sides, nothing known from
+// a last step. And the elimination of blocks against that of the whole matrix.
 #include <string.h>
 
-#include "dynamics/direct.h"
+#include "dynamics/newton.h"
 #include "support/check.h"
 
 enum { BODIES = 6, CONTACTS = 9, ROWS = 3 * CONTACTS };
@@ -23,6 +23,12 @@ typedef struct problem {
   int count;
   double jacobian[ROWS][6 * BODIES], asked[ROWS];
 } problem;
+
+typedef struct answer {
+  gv_velocity velocity[GV_BODIES];
+  gv_vec3 impulse[CONTACTS];      // N s, on body a
+  double softening;
+} answer;
 
 // Body 0 stands, 1 to 3 are limbs, the others objects: their numbers in the solver.
 static int number(int b) { return b <= 3 ? b : GV_LIMBS + b; }
@@ -95,87 +101,114 @@ static void apply(const problem *q, const double impulse[ROWS], double out_v[6 *
   }
 }
 
-static void check_solution(const problem *q, const gv_vec3 force[], bool coulomb) {
-  double x[ROWS] = {0}, v[6 * BODIES];
-  for (int i = 0; i < q->count; i++) {
-    const gv_dynamics_contact *c = &q->contact[i];
-    gv_vec3 impulse = gv_scale(force[i], q->cfg.step_s);
-    x[3 * i] = gv_dot(impulse, c->normal);
-    x[3 * i + 1] = gv_dot(impulse, c->friction_dir);
-    x[3 * i + 2] = gv_dot(impulse, gv_cross(c->normal, c->friction_dir));
-  }
-  apply(q, x, v);
-  for (int r = 0; r < 3 * q->count; r++) {
-    double soft = (r % 3 == 0 ? q->cfg.contact_cfm : q->cfg.world_cfm) / q->cfg.step_s, slip = -q->asked[r] + soft * x[r];
-    for (int k = 0; k < 6 * BODIES; k++) slip += q->jacobian[r][k] * v[k];
-    if (r % 3 == 0) {
-      CHECK(x[r] >= -2e-8 && slip >= -1e-6, "normal impulse %g, closing beyond what is allowed at %g m/s", x[r], slip);
-      CHECK(fabs(x[r] * slip) < 2e-8, "pushes with %g N s and separates at %g m/s", x[r], slip);
-      continue;
-    }
-    double limit = fabs(x[r]);
-    if (coulomb) {
-      limit = q->contact[r / 3].mu * fmax(0, x[r - r % 3]);
-      CHECK(fabs(x[r]) <= limit + 2e-8, "friction %g N s beyond %g", x[r], limit);
-    }
-    if (fabs(x[r]) < limit - 3e-8) CHECK(fabs(slip) < 1e-5, "holds with %g of %g N s, but slips at %g m/s", x[r], limit, slip);
-    else CHECK(x[r] * slip <= 1e-6 * fabs(x[r]) + 1e-12, "friction %g N s drives a slip of %g m/s", x[r], slip);
+// Velocity that a row has beyond what is asked of it, with its compliance.
+static double row_slip(const problem *q, int r, double softening, const double x[ROWS], const double v[6 * BODIES]) {
+  const double cfm = r % 3 == 0 ? q->cfg.contact_cfm : softening * q->cfg.world_cfm;
+  double slip = -q->asked[r] + cfm / q->cfg.step_s * x[r];
+  for (int k = 0; k < 6 * BODIES; k++) slip += q->jacobian[r][k] * v[k];
+  return slip;
+}
+
+// |f_t| <= mu f_n (1 + 1e-3) + 1e-4 N; below that no slip over 1e-5 m/s; at it against the slip within 1 degree.
+static void check_friction(const problem *q, int i, const double x[ROWS], const double slip[3]) {
+  const double h = q->cfg.step_s, size = hypot(x[3 * i + 1], x[3 * i + 2]), speed = hypot(slip[1], slip[2]);
+  const double limit = q->contact[i].mu * fmax(0, x[3 * i]);
+  CHECK(size <= limit * (1 + 1e-3) + 1e-4 * h, "friction %g N s beyond %g", size, limit);
+  if (size < limit * (1 - 1e-3) - 1e-4 * h) CHECK(speed < 1e-5, "holds with %g of %g N s, but slips at %g m/s", size, limit, speed);
+  if (speed < 1e-5 || size < 1e-4 * h) return;
+  const double cosine = -(x[3 * i + 1] * slip[1] + x[3 * i + 2] * slip[2]) / (size * speed);
+  CHECK(cosine > cos(GV_PI / 180), "friction is %g degrees off the slip", acos(cosine) * 180 / GV_PI);
+}
+
+// Momentum: the velocities that were told are those that the impulses give.
+static void check_momentum(const problem *q, const double v[6 * BODIES], const gv_velocity told[GV_BODIES]) {
+  bool touched[BODIES] = {false};
+  for (int i = 0; i < q->count; i++) touched[of_number(q->contact[i].body_a)] = touched[of_number(q->contact[i].body_b)] = true;
+  for (int b = 0; b < BODIES; b++) {
+    const gv_velocity *t = &told[number(b)];
+    if (!touched[b] || !(q->inv_mass[b] > 0)) continue;
+    CHECK(gv_norm(gv_sub(t->v, gv_v3(v[6 * b], v[6 * b + 1], v[6 * b + 2]))) < 1e-9, "body %d: velocity", b);
+    CHECK(gv_norm(gv_sub(t->w, gv_v3(v[6 * b + 3], v[6 * b + 4], v[6 * b + 5]))) < 1e-7, "body %d: spin", b);
   }
 }
 
-// Newtons on body a of each contact.
-static gv_outcome solve(gv_direct *direct, const problem *q, gv_vec3 force[]) {
+static void check_solution(const problem *q, const answer *y) {
+  double x[ROWS] = {0}, v[6 * BODIES];
+  for (int i = 0; i < q->count; i++) {
+    const gv_dynamics_contact *c = &q->contact[i];
+    x[3 * i] = gv_dot(y->impulse[i], c->normal);
+    x[3 * i + 1] = gv_dot(y->impulse[i], c->friction_dir);
+    x[3 * i + 2] = gv_dot(y->impulse[i], gv_cross(c->normal, c->friction_dir));
+  }
+  apply(q, x, v);
+  check_momentum(q, v, y->velocity);
+  for (int i = 0; i < q->count; i++) {
+    double slip[3];
+    for (int k = 0; k < 3; k++) slip[k] = row_slip(q, 3 * i + k, y->softening, x, v);
+    CHECK(x[3 * i] >= -2e-8 && slip[0] >= -1e-6, "normal impulse %g, closing beyond what is allowed at %g m/s", x[3 * i], slip[0]);
+    CHECK(fabs(x[3 * i] * slip[0]) < 2e-8, "pushes with %g N s and separates at %g m/s", x[3 * i], slip[0]);
+    check_friction(q, i, x, slip);
+  }
+}
+
+static gv_newton newton;
+
+static gv_outcome solve(const problem *q, answer *out) {
   static gv_problem stated;
-  gv_velocity velocity[GV_BODIES];
   int index[CONTACTS];
   stated.step_s = q->cfg.step_s;
   stated.budget_s = 0.5 * q->cfg.step_s;
   stated.body_count = GV_BODIES;
   memcpy(stated.body, q->body, sizeof q->body);
   gv_problem_set_contacts(&stated, &q->cfg, q->contact, q->count, index);
-  gv_outcome outcome = gv_solver_newton.solve(direct, &stated, velocity, force);
-  for (int i = 0; i < q->count; i++) force[i] = gv_scale(force[i], 1.0 / q->cfg.step_s);
+  const gv_outcome outcome = gv_solver_newton.solve(&newton, &stated, out->velocity, out->impulse);
+  out->softening = newton.softening;
+  CHECK(outcome != GV_OUTCOME_SOLVED || out->softening == 1, "solved, with %g times the compliance", out->softening);
+  CHECK(outcome != GV_OUTCOME_LAGGED, "friction bounded by another moment's normal force");
   return outcome;
 }
 
-static void test_contact_conditions(void) {
+static void test_coulombs_law_on_random_problems(void) {
   enum { PROBLEMS = 20000 };
-  static gv_direct direct;
   static problem q;
-  int solved = 0, closed = 0, coulomb = 0;
+  int solved = 0, softened = 0, closed = 0;
   for (int i = 0; i < PROBLEMS; i++) {
-    gv_vec3 force[CONTACTS];
+    answer y;
     draw_problem(&q);
     build(&q);
-    direct.last_count = 0;
-    if (!solve(&direct, &q, force)) continue;
-    solved++;
-    check_solution(&q, force, direct.limits_right);
-    coulomb += direct.limits_right;
-    for (int k = 0; k < q.count; k++) closed += gv_norm(force[k]) > 0;
+    gv_solver_newton.forget(&newton);
+    const gv_outcome outcome = solve(&q, &y);
+    if (outcome == GV_OUTCOME_NONE) continue;
+    solved += outcome == GV_OUTCOME_SOLVED;
+    softened += outcome == GV_OUTCOME_SOFTENED;
+    check_solution(&q, &y);
+    for (int k = 0; k < q.count; k++) closed += gv_norm(y.impulse[k]) > 0;
   }
-  printf("  %d of %d random problems solved, %d of them with Coulomb's limits, %d contacts closed\n", solved, PROBLEMS, coulomb, closed);
-  CHECK(solved >= PROBLEMS - PROBLEMS / 1000 && coulomb > PROBLEMS * 3 / 4 && closed > PROBLEMS, "too few");
+  printf("  %d random problems: %d solved, %d softened, %d contacts closed\n", PROBLEMS, solved, softened, closed);
+  CHECK(solved >= PROBLEMS - PROBLEMS / 100 && solved + softened >= PROBLEMS - PROBLEMS / 1000, "too few");
+  CHECK(closed > PROBLEMS, "too few contacts");
 }
 
 // Any first guess leads to the same forces.
 static void test_guess_does_not_matter(void) {
-  static gv_direct direct;
   static problem q;
   int compared = 0;
   for (int i = 0; i < 3000; i++) {
-    gv_vec3 cold[CONTACTS], warm[CONTACTS];
+    answer cold, warm;
     draw_problem(&q);
     for (int k = 0; k < q.count; k++) q.contact[k].mu = draw(0.1, 0.3);  // little friction: one solution
     build(&q);
-    direct.last_count = 0;
-    if (!solve(&direct, &q, cold) || !direct.limits_right) continue;
-    for (int k = 0; k < direct.last_count; k++) memset(direct.last[k].row, draw(0, 1) < 0.5 ? GV_DIRECT_HOLDS : GV_DIRECT_OPEN, 3);
-    if (!solve(&direct, &q, warm) || !direct.limits_right) continue;
+    gv_solver_newton.forget(&newton);
+    if (solve(&q, &cold) != GV_OUTCOME_SOLVED) continue;
+    for (int k = 0; k < newton.last_count; k++) newton.last[k].state = draw(0, 1) < 0.5 ? GV_NEWTON_STICKING : GV_NEWTON_OPEN;
+    if (solve(&q, &warm) != GV_OUTCOME_SOLVED) continue;
     compared++;
-    for (int k = 0; k < q.count; k++) CHECK(gv_norm(gv_sub(cold[k], warm[k])) < 1e-3 + 1e-6 * gv_norm(cold[k]), "contact %d: %g N and %g N", k, gv_norm(cold[k]), gv_norm(warm[k]));
+    for (int k = 0; k < q.count; k++) {
+      const double size = gv_norm(cold.impulse[k]), apart = gv_norm(gv_sub(cold.impulse[k], warm.impulse[k]));
+      CHECK(apart < 1e-6 + 1e-6 * size, "contact %d: %g and %g N s", k, size, gv_norm(warm.impulse[k]));
+    }
   }
-  CHECK(compared > 1000, "%d compared", compared);
+  CHECK(compared > 2900, "%d compared", compared);
 }
 
 // ---- blocks ---------------------------------------------------------------------------------------
@@ -236,7 +269,7 @@ static void test_blocks_refuse(void) {
 int main(void) {
   RUN(test_blocks_solve_the_whole_matrix);
   RUN(test_blocks_refuse);
-  RUN(test_contact_conditions);
+  RUN(test_coulombs_law_on_random_problems);
   RUN(test_guess_does_not_matter);
   return check_done();
 }

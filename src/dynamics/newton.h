@@ -1,0 +1,37 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// The contact solver `newton`: exact Coulomb friction by a semismooth Newton method on the velocities of all bodies that
+// touch (newton.c). Memory of the solver's table; internal to the dynamics. Pure.
+#ifndef NEWTON_H
+#define NEWTON_H
+
+#include "dynamics/blocks.h"
+#include "dynamics/newton_contact.h"
+#include "dynamics/solver.h"
+
+typedef struct gv_newton_node {  // a body that moves and has a contact
+  int body;                      // of the caller
+  double mass;
+  gv_mat3 inertia, inverse_inertia;
+} gv_newton_node;
+
+typedef struct gv_newton_guess { int body_a, body_b; gv_vec3 friction_dir; double lambda; gv_newton_state state; } gv_newton_guess;
+
+typedef struct gv_newton {
+  gv_newton_guess last[GV_MAX_CONTACTS]; // active set of the last step that was solved, where the next begins
+  int last_count;
+  // about the last problem
+  int solves;                    // of linear equations
+  int stage;                     // of the programme that ended it
+  double softening;              // factor on the tangent compliance that was accepted; 1: none
+  // work
+  int solves_left;
+  int count, nodes;              // nodes: first those in `blocks`, then the limbs that are eliminated
+  int node_of[GV_BODIES];        // -1: does not move, or touches nothing
+  gv_newton_contact contact[GV_MAX_CONTACTS];
+  gv_newton_mode next[GV_MAX_CONTACTS], kept[GV_MAX_CONTACTS];
+  gv_newton_node node[GV_NODES];
+  gv_six dv[GV_NODES];           // v - v_free
+  gv_blocks blocks;
+} gv_newton;
+
+#endif
