@@ -372,6 +372,6 @@ int gv_can_open(const char *url, gv_driver *out, char *err, size_t err_size) {
     snprintf(err, err_size, "%s: %s is classic CAN: a command takes 1 frame, a glove sample 6, a pose 8, a status 3, and at 1 Mbit/s "
              "about 8 fit a millisecond (1 kHz of forces with a glove at 150 Hz and a tracker at 60 Hz; faster ones need CAN FD)", url, iface);
   *out = (gv_driver){.self = c, .poll = poll_can, .send = send_can, .ended = can_ended, .stats = can_stats, .close = close_can,
-                     .descriptor = can_descriptor};
+                     .descriptor = can_descriptor, .calls = GV_CALLS_SOCKET};
   return 0;
 }

@@ -130,6 +130,6 @@ int gv_cyberglove_open(const char *url, const gv_calibration *cal, gv_side side,
     return -1;
   }
   *out = (gv_driver){d, poll_cyberglove, serial_source_send, serial_source_ended, serial_source_stats, serial_source_close,
-                     serial_source_descriptor};
+                     serial_source_descriptor, GV_CALLS_LINE};
   return 0;
 }

@@ -102,6 +102,6 @@ int gv_pair_open(gv_driver fcu, gv_driver tracker, gv_driver *out, char *err, si
   }
   p->fcu.driver = fcu;
   p->tracker.driver = tracker;
-  *out = (gv_driver){p, poll_pair, send_pair, pair_ended, pair_stats, close_pair, pair_descriptor};
+  *out = (gv_driver){p, poll_pair, send_pair, pair_ended, pair_stats, close_pair, pair_descriptor, fcu.calls | tracker.calls};
   return 0;
 }

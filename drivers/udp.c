@@ -256,7 +256,7 @@ int gv_udp_open(const char *url, gv_driver *out, char *err, size_t err_size) {
              url, parts.listen, strerror(errno));
   else {
     *out = (gv_driver){.self = u, .poll = poll_udp, .send = send_udp, .ended = udp_ended, .stats = udp_stats,
-                       .close = close_udp, .descriptor = udp_descriptor};
+                       .close = close_udp, .descriptor = udp_descriptor, .calls = GV_CALLS_SOCKET};
     return 0;
   }
   close_udp(u);

@@ -28,6 +28,9 @@ typedef struct gv_driver_stats {
   uint64_t link_downs;// times the link went away (interface down or removed)
 } gv_driver_stats;
 
+// Of a driver's poll and send. SOCKET: recvmmsg and sendto; LINE: read and write.
+enum { GV_CALLS_SOCKET = 1, GV_CALLS_LINE = 2 };
+
 // A driver. `poll` and `send` never block, never allocate and may be called from the real-time thread.
 typedef struct gv_driver {
   void *self;
@@ -41,6 +44,7 @@ typedef struct gv_driver {
   // Descriptor that poll(2) calls readable when frames may have come (now and then without one), -1 while there is
   // none, for example with the device unplugged; it may become another one at any time. Null: never (in the process).
   int (*descriptor)(void *self);
+  unsigned calls;                         // GV_CALLS_...: the system calls of poll and send; 0: none
 } gv_driver;
 
 // Valid FD length that holds `len` bytes (9 -> 12); 0..64.

@@ -135,12 +135,14 @@ static void start_loop(program *p) {
   const gv_session_config session = {.limiter = settings->limiter, .safety = settings->safety,
                                      .side = settings->engine.hand.side, .period_s = 1.0 / settings->rate_hz};
   const gv_realtime_config none = {.cpu = GV_CPU_ANY};
-  const gv_realtime_config realtime = {.priority = settings->rt_priority, .lock_memory = settings->mlock, .cpu = settings->cpu};
+  const gv_realtime_config realtime = {.priority = settings->rt_priority, .lock_memory = settings->mlock,
+                                       .stay_awake = settings->cpu_dma_latency, .cpu = settings->cpu};
   const gv_loop_config loop = {
     .period_ns = (int64_t)(1e9 / settings->rate_hz + 0.5),
     .periods_max = (int64_t)(p->options.duration_s * settings->rate_hz + 0.5),
     .pace = p->pace,
     .alarm_s = GIVE_UP_S,
+    .strict = settings->strict,
     .sync_device = settings->sync_device,
     .record = p->recorder.file != NULL,
     .realtime = p->pace == GV_PACE_FREE ? none : realtime,
@@ -182,6 +184,11 @@ static int run(program *p) {
   } while (!failed && atomic_load(&p->loop.exit) == GV_EXIT_SCENE && (failed = change_scene(p)) == 0);
   alarm(0);
   gv_view_close(&p->view);
+  if (!failed && p->loop.strict_errno) {
+    fprintf(stderr, "gloved: --strict: this kernel takes no list of system calls for a thread (seccomp: %s); start without --strict, "
+            "or with a kernel that has CONFIG_SECCOMP_FILTER\n", strerror(p->loop.strict_errno));
+    return BAD_INPUT;
+  }
   if (!failed) return OK;
   fprintf(stderr, "gloved: the %s does not start; close other programs\n", p->world.engine ? "real-time thread" : "new scene's engine");
   return BAD_INPUT;

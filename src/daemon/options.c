@@ -65,6 +65,7 @@ int gv_options_parse(int argc, char **argv, gv_options *out, char *err, size_t e
     {"--sync", &out->sync, NULL, NULL, 0, 0},
     {"--summary", &out->summary, NULL, NULL, 0, 0}, {"--record", &out->record, NULL, NULL, 0, 0},
     {"--no-rt", NULL, NULL, &out->no_rt, 0, 0},
+    {"--strict", NULL, NULL, &out->strict, 0, 0},
     {"--check", NULL, NULL, &out->check, 0, 0},     {"--help", NULL, NULL, &out->help, 0, 0},
     {"--version", NULL, NULL, &out->version, 0, 0},
   };
@@ -105,11 +106,13 @@ int gv_options_settings(const gv_options *options, gv_settings *out, char *err, 
   if (options->no_rt) {
     out->rt_priority = 0;
     out->mlock = false;
+    out->cpu_dma_latency = false;
   }
   if (out->rate_hz < GV_RATE_MIN_HZ || out->rate_hz > GV_RATE_MAX_HZ) {
     snprintf(err, err_size, "rate %g Hz is out of range; give a number from %d to %d", out->rate_hz, GV_RATE_MIN_HZ, GV_RATE_MAX_HZ);
     return -1;
   }
+  out->strict = out->strict || options->strict;
   out->sync_device = out->sync_device || options->sync;
   if (options->sync && strcmp(options->sync, "device") != 0) {
     snprintf(err, err_size, "--sync \"%.40s\" is none; write --sync device, or leave it out for the loop's own clock", options->sync);
@@ -148,6 +151,7 @@ const char *gv_options_help(void) {
     "  --log FILE.lcm    write what is published into a log, too\n"
     "  --record FILE     write every frame in and out as a candump -L log; --fcu trace:FILE replays it\n"
     "  --summary FILE    write results and timing as JSON at exit\n"
+    "  --strict          any system call of the real-time thread that it does not need ends the program (seccomp)\n"
     "  --no-rt           ordinary scheduling and memory\n"
     "  --check           load and check everything, say what was found, and end\n"
     "  --help, --version\n"

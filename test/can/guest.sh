@@ -8,10 +8,10 @@ out=$1
 device_options='--duration 3'
 log=/tmp/can; mkdir -p $log; cd "$(dirname "$0")/../.."
 
-# engine NAME [OPTION...]: gloved in the background.
+# engine NAME [OPTION...]: gloved in the background, under its list of system calls.
 engine() {
   name=$1; shift
-  "$B/gloved" --config test/can/slow.conf --no-rt --summary $log/$name.json "$@" >$log/$name.gloved 2>&1 & engine=$!
+  "$B/gloved" --strict --config test/can/slow.conf --no-rt --summary $log/$name.json "$@" >$log/$name.gloved 2>&1 & engine=$!
 }
 # begin NAME IFACE SCRIPT SECONDS [OPTION of gloved...], then finish: both, until the script is over; or stop.
 begin() {

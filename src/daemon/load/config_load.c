@@ -27,6 +27,7 @@ void gv_settings_default(gv_settings *out) {
   out->cpu = -1;
   out->rt_priority = 80;
   out->mlock = true;
+  out->cpu_dma_latency = true;
 }
 
 // ---- numbers in the units of the file -------------------------------------------------------------
@@ -240,6 +241,8 @@ static void read_realtime(gv_conf_group *root, gv_settings *out) {
   gv_conf_integer(&realtime, "cpu", -1, 1023, &out->cpu);
   gv_conf_integer(&realtime, "priority", 0, 99, &out->rt_priority);
   gv_conf_bool(&realtime, "mlock", &out->mlock);
+  gv_conf_bool(&realtime, "cpu_dma_latency", &out->cpu_dma_latency);
+  gv_conf_bool(&realtime, "strict", &out->strict);
   gv_conf_bool(&realtime, "sync_device", &out->sync_device);
   gv_conf_leave(&realtime);
 }

@@ -27,6 +27,8 @@ typedef struct gv_settings {
   int cpu;                           // core the loop is pinned to; -1: the last one, where there are several
   int rt_priority;                   // SCHED_FIFO 1..99; 0: no real-time scheduling
   bool sync_device;                  // --sync device: the glove's frame begins a step
+  bool strict;                       // --strict: a list of system calls for the real-time thread
+  bool cpu_dma_latency;              // hold /dev/cpu_dma_latency at zero while running
   bool mlock;                        // keep all memory in RAM
 } gv_settings;
 

@@ -7,11 +7,13 @@
 
 #include <errno.h>
 #include <poll.h>
+#include <signal.h>
 #include <string.h>
 #include <time.h>
 #include <unistd.h>
 
 #include "daemon/loop/heap.h"
+#include "daemon/loop/strict.h"
 #include "gloved/fcu.h"
 
 enum {
@@ -35,6 +37,7 @@ const char *gv_exit_name(gv_exit reason) {
     case GV_EXIT_SIGNAL: return "signal";
     case GV_EXIT_FAULT: return "fault";
     case GV_EXIT_SCENE: return "scene";
+    case GV_EXIT_REFUSED: return "refused";
   }
   return "unknown";
 }
@@ -308,7 +311,8 @@ static void *loop_thread(void *argument) {
   const int64_t session_ns = loop->cfg.pace == GV_PACE_LIVE ? clock_ns(CLOCK_MONOTONIC) : loop->number * loop->cfg.period_ns;
   loop->wall_us = (clock_ns(CLOCK_REALTIME) - session_ns) / 1000;
   loop->page_faults = gv_realtime_page_faults();
-  const gv_exit reason = run(loop);
+  loop->strict_errno = loop->cfg.strict ? gv_strict_enter(loop->driver->calls) : 0;
+  const gv_exit reason = loop->strict_errno ? GV_EXIT_REFUSED : run(loop);
   count_faults(loop);
   ramp_down(loop);
   if (loop->cfg.pace == GV_PACE_FREE) wait_for_space(loop);
@@ -348,13 +352,18 @@ void gv_loop_change_scene(gv_loop *loop, int object_count) {
   atomic_store(&loop->exit, GV_EXIT_RUNNING);
 }
 
+// Signals are for the other threads: none interrupts a sleep here, and no handler makes calls of its own.
 int gv_loop_start(gv_loop *loop) {
   pthread_attr_t attributes;
+  sigset_t all, before;
+  sigfillset(&all);
   loop->starts++;
   loop->refusals_before = gv_realtime_prepare(&loop->cfg.realtime);
   pthread_attr_init(&attributes);
   pthread_attr_setstacksize(&attributes, GV_REALTIME_STACK);
+  pthread_sigmask(SIG_SETMASK, &all, &before);
   int error = pthread_create(&loop->thread, &attributes, loop_thread, loop);
+  pthread_sigmask(SIG_SETMASK, &before, NULL);
   pthread_attr_destroy(&attributes);
   return error;
 }

@@ -35,13 +35,15 @@ typedef struct gv_loop_config {
   int64_t periods_max;       // skipped ones count in live pace; 0: until the driver ends or a signal comes
   gv_pace pace;
   bool sync_device;          // live pace and a driver with a descriptor: its frame is the clock
+  bool strict;               // the thread may make no system call but those of strict.h
   bool record;               // every frame goes into the ring `frames`
   gv_realtime_config realtime;
   unsigned alarm_s;          // SIGALRM so many seconds after the end, for a slow thread that hangs; 0: none
 } gv_loop_config;
 
+// GV_EXIT_REFUSED: the kernel refused `strict`, and no step was made.
 // GV_EXIT_SCENE: a request for another scene was obeyed; gv_loop_change_scene and gv_loop_start go on.
-typedef enum gv_exit { GV_EXIT_RUNNING, GV_EXIT_END, GV_EXIT_DURATION, GV_EXIT_SIGNAL, GV_EXIT_FAULT, GV_EXIT_SCENE } gv_exit;
+typedef enum gv_exit { GV_EXIT_RUNNING, GV_EXIT_END, GV_EXIT_DURATION, GV_EXIT_SIGNAL, GV_EXIT_FAULT, GV_EXIT_SCENE, GV_EXIT_REFUSED } gv_exit;
 
 // Parts of a period's work: take frames, session step, send the command, tell the slow thread.
 typedef enum gv_stage { GV_STAGE_POLL, GV_STAGE_COMPUTE, GV_STAGE_SEND, GV_STAGE_TELL, GV_STAGES } gv_stage;
@@ -76,6 +78,7 @@ typedef struct gv_loop {
   // The loop's own.
   bool scene_accepted;               // the loop is to end for it
   int64_t number;                    // of the period, over all scenes
+  int strict_errno;                  // why the kernel refused `strict`
   unsigned refusals_before;          // of the process, before the thread started
   unsigned overruns_now;             // periods skipped just before this step
   int64_t wall_us;                   // us since 1970 when session time was 0
@@ -104,7 +107,7 @@ int gv_loop_start(gv_loop *loop);
 void gv_loop_change_scene(gv_loop *loop, int object_count);
 bool gv_loop_running(const gv_loop *loop);
 void gv_loop_join(gv_loop *loop);
-const char *gv_exit_name(gv_exit reason);  // "end of input", "duration", "signal", "fault", "scene"
+const char *gv_exit_name(gv_exit reason);  // "end of input", "duration", "signal", "fault", "scene", "refused"
 
 // Whole periods to skip so that a deadline that was missed by late_ns lies ahead again; 0 when not late.
 int64_t gv_loop_periods_to_skip(int64_t late_ns, int64_t period_ns);

@@ -3,6 +3,8 @@
 // prctl(2), madvise(2). Set-up only, apart from the page fault counters.
 #include "daemon/loop/realtime.h"
 
+#include <errno.h>
+#include <fcntl.h>
 #include <link.h>
 #include <pthread.h>
 #include <sched.h>
@@ -45,10 +47,27 @@ static int populate_object(struct dl_phdr_info *info, size_t size, void *data) {
   return 0;
 }
 
+// The kernel keeps the promise "wake within 0 us" for as long as the file is open (its Documentation/power/pm_qos_interface.rst).
+// One that has no such file has no sleep states to keep out of.
+static bool hold_awake(void) {
+  static int held = -1;
+  const int32_t within_us = 0;
+  if (held >= 0) return true;
+  held = open("/dev/cpu_dma_latency", O_WRONLY | O_CLOEXEC);
+  if (held < 0) return errno == ENOENT;
+  if (write(held, &within_us, sizeof within_us) == (ssize_t)sizeof within_us) return true;
+  close(held);
+  held = -1;
+  return false;
+}
+
 unsigned gv_realtime_prepare(const gv_realtime_config *cfg) {
+  unsigned refusals = 0;
   dl_iterate_phdr(populate_object, NULL);
+  if (cfg->stay_awake && !hold_awake()) refusals |= GV_REFUSED_AWAKE;
   // No page of ours is ever written out to swap.
-  return cfg->lock_memory && mlockall(MCL_CURRENT | MCL_FUTURE) != 0 ? GV_REFUSED_MEMORY : 0;
+  if (cfg->lock_memory && mlockall(MCL_CURRENT | MCL_FUTURE) != 0) refusals |= GV_REFUSED_MEMORY;
+  return refusals;
 }
 
 // Touches the stack once, so that the loop never meets a page of it that is not there yet.
@@ -83,9 +102,9 @@ unsigned gv_realtime_enter(const gv_realtime_config *cfg) {
 }
 
 void gv_realtime_refusal_text(unsigned refusals, char *out, size_t size) {
-  snprintf(out, size, "this machine refuses%s%s%s; going on without (as root, or: setcap cap_sys_nice,cap_ipc_lock=ep gloved)",
+  snprintf(out, size, "this machine refuses%s%s%s%s; going on without (gloved --doctor says what to do)",
            refusals & GV_REFUSED_PRIORITY ? " SCHED_FIFO" : "", refusals & GV_REFUSED_MEMORY ? " mlockall" : "",
-           refusals & GV_REFUSED_CPU ? " this CPU" : "");
+           refusals & GV_REFUSED_CPU ? " this CPU" : "", refusals & GV_REFUSED_AWAKE ? " /dev/cpu_dma_latency" : "");
 }
 
 // Under mlockall(MCL_FUTURE) a mapping that can be written would at once take all of its memory: it becomes so only
