@@ -34,11 +34,12 @@ typedef enum gv_limiter_flag {
 
 typedef struct gv_limiter {
   gv_limiter_config cfg;
+  double longest_rise_s;   // a command that comes later rises by no more than this time allows; 0: no such bound
   double out_n[GV_FINGERS];
 } gv_limiter;
 
 void gv_limiter_init(gv_limiter *limiter, const gv_limiter_config *cfg);
-// One period of dt_s. enabled false, an age over its limit or not finite, or any not-finite force: all
+// One command, dt_s after the last. enabled false, an age over its limit or not finite, or any not-finite force: all
 // five ramp to zero within ramp_s. Returns gv_limiter_flag bits. out is in [0, min(max_n, finger_max_n)],
 // always finite.
 unsigned gv_limiter_step(gv_limiter *limiter, const double desired_n[GV_FINGERS], bool enabled, double age_s,

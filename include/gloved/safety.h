@@ -4,7 +4,7 @@
 //   start -> wait -> ready -> armed -> active        fault: from any state, left only to wait when all
 //              ^_______|________|________|            causes are gone and the dead-man switch was let go
 //
-// wait: devices missing or stale. ready: data fresh, dead-man open. armed: dead-man held and the desired
+// wait: devices missing, stale or in doubt. ready: data fresh, dead-man open. armed: dead-man held and the desired
 // force was near zero. active: a force flows. stopped: final. Pure.
 #ifndef GLOVED_SAFETY_H
 #define GLOVED_SAFETY_H
@@ -18,12 +18,18 @@ typedef enum gv_safety_state {
 
 typedef enum gv_fault {   // bits
   GV_FAULT_GLOVE_STALE = 1 << 0, GV_FAULT_TRACKER_STALE = 1 << 1, GV_FAULT_FRAMES = 1 << 2,
-  GV_FAULT_NOT_FINITE = 1 << 3, GV_FAULT_OVERRUN = 1 << 4, GV_FAULT_DEVICE = 1 << 5
+  GV_FAULT_NOT_FINITE = 1 << 3, GV_FAULT_OVERRUN = 1 << 4, GV_FAULT_DEVICE = 1 << 5,
+  GV_FAULT_STATUS_STALE = 1 << 6,
+  // A source says itself that it is in doubt: these end a force at once, and are waited out where none flows.
+  GV_FAULT_SENSOR = 1 << 7, GV_FAULT_OTHER_HAND = 1 << 8, GV_FAULT_TRACKER = 1 << 9
 } gv_fault;
 
 typedef struct gv_safety_input {
   bool glove_seen, tracker_seen;     // at least one good sample ever
-  double glove_age_s, tracker_age_s; // of the newest good sample
+  bool status_seen;                  // a device that never sent one is not waited for
+  double glove_age_s, tracker_age_s, status_age_s; // of the newest good message
+  double glove_interval_s, tracker_interval_s, status_interval_s; // mean time between messages; 0: not known
+  uint32_t doubts;                   // GV_FAULT_SENSOR, _OTHER_HAND, _TRACKER as the newest sound messages say
   bool dead_man;                     // held
   bool finite;                       // every number of this step was finite
   bool device_fault;                 // the device reports one
@@ -34,7 +40,9 @@ typedef struct gv_safety_input {
 } gv_safety_input;
 
 typedef struct gv_safety_config {
+  // Data is fresh for two of its source's intervals and 30 ms, and never for longer than these (safety/source.h).
   double max_age_s;        // glove and tracker (default 0.05)
+  double status_age_s;     // the device's status, from its first one on (0.1)
   double arm_below_n;      // forces near zero (0.1)
   unsigned bad_limit;      // bad frames within bad_window_s that make a fault (10)
   double bad_window_s;     // (0.1)

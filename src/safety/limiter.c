@@ -14,10 +14,12 @@ void gv_limiter_init(gv_limiter *limiter, const gv_limiter_config *cfg) {
 }
 
 // At least the pretension, at most the channel's maximum, never faster up than the slew limit.
-static double limit_channel(const gv_limiter_config *c, double max_n, double desired, double last, double dt_s, unsigned *flags) {
+static double limit_channel(const gv_limiter *l, double max_n, double desired, double last, double dt_s, unsigned *flags) {
+  const gv_limiter_config *c = &l->cfg;
+  const double rise_s = l->longest_rise_s > 0.0 ? fmin(dt_s, l->longest_rise_s) : dt_s;
   double want = desired > c->pretension_n ? desired : c->pretension_n;
   if (want > max_n) { want = max_n; *flags |= GV_LIMITER_VALUE; }
-  double rise = c->slew_n_per_s * dt_s;
+  double rise = c->slew_n_per_s * rise_s;
   if (want > last + rise) { want = last + rise; *flags |= GV_LIMITER_SLEW; }
   return want;
 }
@@ -34,7 +36,7 @@ unsigned gv_limiter_step(gv_limiter *l, const double desired_n[GV_FINGERS], bool
   double fall = c->ramp_s > 0.0 ? c->max_n * dt_s / c->ramp_s : c->max_n;
   for (int i = 0; i < GV_FINGERS; i++) {
     double last = l->out_n[i], max_n = fmin(c->max_n, c->finger_max_n[i]);
-    double next = doubt ? last - fall : limit_channel(c, max_n, desired_n[i], last, dt_s, &flags);
+    double next = doubt ? last - fall : limit_channel(l, max_n, desired_n[i], last, dt_s, &flags);
     l->out_n[i] = out_n[i] = next > 0.0 ? fmin(next, max_n) : 0.0;
   }
   return flags;

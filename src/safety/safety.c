@@ -4,15 +4,30 @@
 
 #include <stddef.h>
 
+#include "safety/source.h"
+
 gv_safety_config gv_safety_config_default(void) {
-  return (gv_safety_config){.max_age_s = 0.05, .arm_below_n = 0.1, .bad_limit = 10, .bad_window_s = 0.1, .overrun_limit = 20};
+  return (gv_safety_config){
+    .max_age_s = 0.05,
+    .status_age_s = 0.1,
+    .arm_below_n = 0.1,
+    .bad_limit = 10,
+    .bad_window_s = 0.1,
+    .overrun_limit = 20,
+  };
 }
 
 void gv_safety_init(gv_safety *s, const gv_safety_config *cfg) {
   *s = (gv_safety){.cfg = *cfg, .state = GV_SAFETY_START};
 }
 
-static bool fresh(bool seen, double age_s, double max_age_s) { return seen && age_s >= 0.0 && age_s <= max_age_s; }
+static bool fresh(double age_s, double interval_s, double max_age_s) {
+  return age_s >= 0.0 && age_s <= gv_source_largest_age_s(interval_s, max_age_s);
+}
+
+// Causes that are waited out where no force flows.
+static const uint32_t passing = GV_FAULT_GLOVE_STALE | GV_FAULT_TRACKER_STALE | GV_FAULT_STATUS_STALE | GV_FAULT_SENSOR |
+                                GV_FAULT_OTHER_HAND | GV_FAULT_TRACKER;
 
 // Events leak away over the window: the level is about their count within it.
 static double leak(double level, unsigned events, double dt_s, double window_s) {
@@ -22,9 +37,10 @@ static double leak(double level, unsigned events, double dt_s, double window_s) 
 
 static uint32_t present_faults(gv_safety *s, const gv_safety_input *in) {
   const gv_safety_config *c = &s->cfg;
-  uint32_t f = 0;
-  if (!fresh(in->glove_seen, in->glove_age_s, c->max_age_s)) f |= GV_FAULT_GLOVE_STALE;
-  if (!fresh(in->tracker_seen, in->tracker_age_s, c->max_age_s)) f |= GV_FAULT_TRACKER_STALE;
+  uint32_t f = in->doubts & passing;
+  if (!in->glove_seen || !fresh(in->glove_age_s, in->glove_interval_s, c->max_age_s)) f |= GV_FAULT_GLOVE_STALE;
+  if (!in->tracker_seen || !fresh(in->tracker_age_s, in->tracker_interval_s, c->max_age_s)) f |= GV_FAULT_TRACKER_STALE;
+  if (in->status_seen && !fresh(in->status_age_s, in->status_interval_s, c->status_age_s)) f |= GV_FAULT_STATUS_STALE;
   if (s->bad_level > c->bad_limit) f |= GV_FAULT_FRAMES;
   if (!in->finite) f |= GV_FAULT_NOT_FINITE;
   if (s->overrun_level > c->overrun_limit) f |= GV_FAULT_OVERRUN;
@@ -33,23 +49,22 @@ static uint32_t present_faults(gv_safety *s, const gv_safety_input *in) {
 }
 
 static gv_safety_state next_state(gv_safety *s, const gv_safety_input *in, uint32_t faults) {
-  const uint32_t stale = GV_FAULT_GLOVE_STALE | GV_FAULT_TRACKER_STALE;
   bool near_zero = in->desired_max_n <= s->cfg.arm_below_n;
   switch (s->state) {
     case GV_SAFETY_START: return GV_SAFETY_WAIT;
     case GV_SAFETY_WAIT:
-      if (faults & ~stale) return GV_SAFETY_FAULT;
+      if (faults & ~passing) return GV_SAFETY_FAULT;
       return faults ? GV_SAFETY_WAIT : GV_SAFETY_READY;
     case GV_SAFETY_READY:
-      if (faults & ~stale) return GV_SAFETY_FAULT;
+      if (faults & ~passing) return GV_SAFETY_FAULT;
       if (faults) return GV_SAFETY_WAIT;
       return in->dead_man && s->released && near_zero ? GV_SAFETY_ARMED : GV_SAFETY_READY;
     case GV_SAFETY_ARMED:
     case GV_SAFETY_ACTIVE:
-      if (faults) return GV_SAFETY_FAULT;  // a force may be flowing: stale data is a fault here
+      if (faults) return GV_SAFETY_FAULT;  // a force may be flowing: stale data and doubt are faults here
       if (!in->dead_man) return GV_SAFETY_READY;
       return near_zero && s->state == GV_SAFETY_ARMED ? GV_SAFETY_ARMED : GV_SAFETY_ACTIVE;
-    case GV_SAFETY_FAULT: return !(faults & ~stale) && s->released ? GV_SAFETY_WAIT : GV_SAFETY_FAULT;
+    case GV_SAFETY_FAULT: return !(faults & ~passing) && s->released ? GV_SAFETY_WAIT : GV_SAFETY_FAULT;
     case GV_SAFETY_STOPPED: break;
   }
   return GV_SAFETY_STOPPED;

@@ -70,7 +70,8 @@ static int record(const gv_settings *settings, gv_engine *engine, int max) {
   gv_pace pace;
   char err[512];
   if (gv_fcu_open(settings, &driver, &pace, err, sizeof err)) fail(err);
-  const gv_session_config cfg = {settings->limiter, settings->safety, settings->engine.hand.side, settings->engine.step_s};
+  const gv_session_config cfg = {.limiter = settings->limiter, .safety = settings->safety, .side = settings->engine.hand.side,
+                                 .period_s = settings->engine.step_s};
   gv_session_init(&session, &cfg, engine);
   int steps = 0;
   for (; steps < max && !driver.ended(driver.self); steps++) {

@@ -46,7 +46,8 @@ static gv_engine *start(const grasp *g, gv_scene *scene) {
   gv_engine *engine = good ? gv_engine_init(engine_memory, sizeof engine_memory, &settings.engine, scene) : NULL;
   CHECK(engine != NULL, "%s: %s", g->scene, err);
   if (!engine) return NULL;
-  const gv_session_config cfg = {settings.limiter, settings.safety, settings.engine.hand.side, settings.engine.step_s};
+  const gv_session_config cfg = {.limiter = settings.limiter, .safety = settings.safety, .side = settings.engine.hand.side,
+                                 .period_s = settings.engine.step_s};
   gv_session_init(&session, &cfg, engine);
   gv_sim_init(&sim, &script, NULL, 1);
   gv_sim_start(&sim);

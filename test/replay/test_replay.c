@@ -134,7 +134,8 @@ static int replay(const expectation *x, const gv_config *engine_cfg, bool every_
   gv_engine *engine = gv_engine_init(engine_memory, sizeof engine_memory, &settings.engine, &scene);
   if (!engine || object < 0) { printf("  %s: no object '%s', or the scene is too large\n", x->scene, x->object); return -1; }
   static gv_session session;
-  const gv_session_config cfg = {settings.limiter, settings.safety, settings.engine.hand.side, settings.engine.step_s};
+  const gv_session_config cfg = {.limiter = settings.limiter, .safety = settings.safety, .side = settings.engine.hand.side,
+                                 .period_s = settings.engine.step_s};
   gv_session_init(&session, &cfg, engine);
   const int64_t period_ns = 1000000;
   double start_z = gv_engine_object_pose(engine, object).p.z;

@@ -209,7 +209,8 @@ static uint64_t run_loop(fake *device, gv_pace pace, int64_t periods_max, bool s
   gv_driver driver = {device, poll_fake, send_fake, fake_ended, fake_stats, close_fake, device->readable ? fake_descriptor : NULL, 0};
   gv_config config = gv_config_default();
   const gv_scene nothing = {.gravity_m_s2 = {0, 0, -9.81}};
-  const gv_session_config session_config = {gv_limiter_config_default(), gv_safety_config_default(), GV_RIGHT, 0.001};
+  const gv_session_config session_config = {.limiter = gv_limiter_config_default(), .safety = gv_safety_config_default(),
+                                            .side = GV_RIGHT, .period_s = 0.001};
   const gv_loop_config loop_config = {.period_ns = 1000000, .periods_max = periods_max, .pace = pace, .sync_device = device->readable > 0,
                                       .realtime = {.cpu = GV_CPU_ANY}};
   const size_t size = gv_engine_size(&config, &nothing);

@@ -16,7 +16,8 @@ static uint8_t glove_counter, pose_counter, status_counter;
 static gv_frame command;
 
 static void start(void) {
-  const gv_session_config cfg = {gv_limiter_config_default(), gv_safety_config_default(), GV_RIGHT, 0.001};
+  const gv_session_config cfg = {.limiter = gv_limiter_config_default(), .safety = gv_safety_config_default(),
+                                 .side = GV_RIGHT, .period_s = 0.001};
   if (world.engine) gv_engine_close(world.engine);
   lab_start(&world);
   lab_box(&world, gv_v3(1, 1, 0.1), gv_v3(0, 0, -0.05), 0, 0.8);
@@ -52,7 +53,7 @@ static gv_frame pose(uint8_t receiver, double height_m, uint8_t flags) {
 }
 
 static gv_frame status(uint8_t flags) {
-  gv_status_msg msg = {.counter = status_counter++, .flags = flags};
+  gv_status_msg msg = {.counter = status_counter++, .flags = flags, .stamp_us = (uint32_t)(now_ns / 1000)};
   gv_frame frame;
   gv_fcu_pack_status(&msg, &frame);
   return stamped(frame);
@@ -157,7 +158,7 @@ static void test_broken_frames_are_counted_and_dropped(void) {
   step_one(shorter);
   step_one(other);
   CHECK(session.frames.bad == 2 && session.frames.foreign == 1, "%d bad", (int)session.frames.bad);
-  CHECK(!session.glove_seen, "a broken frame was used");
+  CHECK(!session.glove_source.seen, "a broken frame was used");
 }
 
 static void test_unusable_samples(void) {
@@ -169,9 +170,9 @@ static void test_unusable_samples(void) {
   step_one(pose(GV_RECEIVER_HAND, 0.1, GV_POSE_VALID | GV_POSE_TRACKER_ERROR));
   step_one(pose(GV_RECEIVER_HAND, 150, GV_POSE_VALID));
   CHECK(session.frames.unusable == 5, "%d unusable", (int)session.frames.unusable);
-  CHECK(!session.glove_seen && !session.hand_seen, "used all the same");
+  CHECK(!session.glove_source.seen && !session.hand_source.seen, "used all the same");
   step_one(pose(GV_RECEIVER_HEAD, 1.7, GV_POSE_VALID));
-  CHECK(session.head_seen && !session.hand_seen, "the head's receiver is not the hand's");
+  CHECK(session.head_seen && !session.hand_source.seen, "the head's receiver is not the hand's");
 }
 
 static void test_newest_of_several_wins(void) {
@@ -293,6 +294,114 @@ static void test_after_a_pause_forces_start_from_none(void) {
   }
 }
 
+// ---- what a force depends on has an age, and may say itself that it is in doubt --------------------------
+
+// Pressing on, with a status every 10 ms while `status_flags` is not negative. Returns the milliseconds until the
+// command is zero; -1: never.
+static int ms_until_zero(int count, int status_flags, uint8_t glove_flags, uint8_t pose_flags) {
+  for (int i = 0; i < count; i++) {
+    gv_frame frame[3] = {glove(1.05, glove_flags, 0), pose(GV_RECEIVER_HAND, 0.06, pose_flags)};
+    const bool with_status = status_flags >= 0 && i % 10 == 0;
+    if (with_status) frame[2] = status((uint8_t)status_flags);
+    step(frame, with_status ? 3 : 2);
+    if (commanded_max() == 0.0) return i + 1;
+  }
+  return -1;
+}
+
+static void press_with_status(void) {
+  press_until_force();
+  CHECK(ms_until_zero(300, GV_STATUS_DEAD_MAN, GV_GLOVE_DEAD_MAN, GV_POSE_VALID) < 0, "no force to begin with");
+}
+
+static void test_a_status_that_stays_away_ends_the_force(void) {
+  press_with_status();
+  const int ms = ms_until_zero(200, -1, GV_GLOVE_DEAD_MAN, GV_POSE_VALID);
+  CHECK(ms > 0 && ms <= 50 + 15, "zero after %d ms", ms);  // two of its intervals, 30 ms, and the ramp
+  CHECK(session.faults_seen == GV_FAULT_STATUS_STALE, "faults %x", session.faults_seen);
+}
+
+static void test_a_status_that_is_only_broken_ends_the_force(void) {
+  press_with_status();
+  int ms = -1;
+  for (int i = 0; i < 200 && ms < 0; i++) {
+    gv_frame frame[3] = {glove(1.05, GV_GLOVE_DEAD_MAN, 0), pose(GV_RECEIVER_HAND, 0.06, GV_POSE_VALID), status(GV_STATUS_DEAD_MAN)};
+    frame[2].data[5] ^= 1;
+    step(frame, i % 10 == 0 ? 3 : 2);
+    if (commanded_max() == 0.0) ms = i + 1;
+  }
+  CHECK(ms > 0 && ms <= 50 + 15, "zero after %d ms", ms);
+}
+
+static void test_the_age_allowed_follows_the_rate_of_the_source(void) {
+  press_until_force();
+  int ms = 0;
+  for (; commanded_max() > 0.0 && ms < 100; ms++) step(NULL, 0);
+  CHECK(ms <= 33 + 15, "a glove of 1 kHz: zero after %d ms", ms);
+  press_until_force();
+  for (int i = 0; i < 600; i++) {  // the same glove at 60 Hz: 40 ms without a frame are no fault
+    const gv_frame frame[2] = {glove(1.05, GV_GLOVE_DEAD_MAN, 0), pose(GV_RECEIVER_HAND, 0.06, GV_POSE_VALID)};
+    step(frame, i % 16 == 0 ? 2 : 0);
+    if (i % 16) glove_counter--, pose_counter--;
+  }
+  for (int i = 0; i < 25; i++) step(NULL, 0);
+  CHECK(session.safety.state == GV_SAFETY_ACTIVE, "%s", gv_safety_name(session.safety.state));
+}
+
+static void test_a_device_in_doubt_ends_the_force_at_once(void) {
+  static const struct { uint8_t glove, pose; uint32_t fault; } say[] = {
+    {GV_GLOVE_DEAD_MAN | GV_GLOVE_SENSOR_FAULT, GV_POSE_VALID, GV_FAULT_SENSOR},
+    {GV_GLOVE_DEAD_MAN | GV_GLOVE_LEFT, GV_POSE_VALID, GV_FAULT_OTHER_HAND},
+    {GV_GLOVE_DEAD_MAN, GV_POSE_VALID | GV_POSE_TRACKER_ERROR, GV_FAULT_TRACKER},
+    {GV_GLOVE_DEAD_MAN, 0, GV_FAULT_TRACKER},
+  };
+  for (size_t i = 0; i < sizeof say / sizeof *say; i++) {
+    press_until_force();
+    const int ms = ms_until_zero(100, -1, say[i].glove, say[i].pose);
+    CHECK(ms > 0 && ms <= 15, "case %zu: zero after %d ms", i, ms);
+    CHECK(session.faults_seen == say[i].fault, "case %zu: faults %x", i, session.faults_seen);
+    press(50, 0.0, 0);  // the cause is gone and the switch let go: it may arm again
+    CHECK(session.safety.state == GV_SAFETY_READY, "case %zu: %s", i, gv_safety_name(session.safety.state));
+  }
+}
+
+static void test_an_open_switch_counts_in_any_sound_frame(void) {
+  press_until_force();
+  step_one(glove(1.05, GV_GLOVE_SENSOR_FAULT | GV_GLOVE_DEAD_MAN, 0));
+  CHECK(session.safety.state == GV_SAFETY_FAULT && !session.safety.released, "held in the fault");
+  step_one(glove(1.05, GV_GLOVE_SENSOR_FAULT, 0));
+  CHECK(session.safety.released, "it was let go in a frame that says sensor fault");
+  press_until_force();
+  gv_frame old = glove(1.05, 0, 0);  // overtaken by the frames after it
+  press(1, 1.05, GV_GLOVE_DEAD_MAN);
+  now_ns += MS;
+  gv_session_step(&session, now_ns, &old, 1, 0, &command);
+  CHECK(session.safety.state == GV_SAFETY_READY, "overtaken: %s", gv_safety_name(session.safety.state));
+}
+
+// ---- the rise on the wire ------------------------------------------------------------------------------
+
+// Steps that are late by turns: 1.9 ms, 0.1 ms, 1.9 ms.
+static void test_a_late_wake_up_never_steepens_the_rise(void) {
+  press_until_force();
+  press(30, 1.05, 0);
+  press(30, 0.0, GV_GLOVE_DEAD_MAN);
+  const double slew = session.cfg.limiter.slew_n_per_s;
+  double last = commanded_max(), steepest = 0.0;
+  for (int i = 0; i < 60; i++) {
+    const int64_t passed_ns = i % 2 ? MS / 10 : 2 * MS - MS / 10;
+    const gv_frame frame[2] = {glove(1.4, GV_GLOVE_DEAD_MAN, 0), pose(GV_RECEIVER_HAND, 0.045, GV_POSE_VALID)};
+    now_ns += passed_ns;
+    gv_session_step(&session, now_ns, frame, 2, 0, &command);
+    const double rise = commanded_max() - last;
+    const double allowed = slew * fmin((double)passed_ns * 1e-9, session.cfg.period_s);
+    CHECK(rise <= allowed + GV_TENSION_LSB_N, "%g N in %g ms", rise, (double)passed_ns * 1e-6);
+    steepest = fmax(steepest, rise / allowed);
+    last = commanded_max();
+  }
+  CHECK(steepest > 0.5, "the force did not rise: %g", steepest);
+}
+
 static void test_device_fault_ends_the_force(void) {
   press_until_force();
   step_one(status(GV_STATUS_FAULT | GV_STATUS_DEAD_MAN));
@@ -314,9 +423,11 @@ static void test_broken_frames_end_the_force(void) {
         gv_safety_name(session.safety.state), commanded_max());
 }
 
+// The frames are those that the device sent just before the step: their stamps are fresh.
 static void press_after_stall(unsigned periods_skipped) {
+  now_ns += (int64_t)periods_skipped * MS;
   const gv_frame frame[2] = {glove(1.05, GV_GLOVE_DEAD_MAN, 0), pose(GV_RECEIVER_HAND, 0.06, GV_POSE_VALID)};
-  now_ns += (1 + (int64_t)periods_skipped) * MS;
+  now_ns += MS;
   gv_session_step(&session, now_ns, frame, 2, periods_skipped, &command);
 }
 
@@ -326,6 +437,7 @@ static void test_stalls(void) {
   CHECK(session.safety.state == GV_SAFETY_ACTIVE, "three short stalls: %s", gv_safety_name(session.safety.state));
   press_after_stall(60);
   CHECK(session.safety.state == GV_SAFETY_FAULT, "a stall longer than any sample may be old: %s", gv_safety_name(session.safety.state));
+  CHECK(session.faults_seen == GV_FAULT_OVERRUN, "and not for old data: faults %x", session.faults_seen);
   press_until_force();
   for (int i = 0; i < 40; i++) press_after_stall(1);
   CHECK(session.safety.state == GV_SAFETY_FAULT, "every second period: %s", gv_safety_name(session.safety.state));
@@ -396,6 +508,12 @@ int main(void) {
   RUN(test_a_clock_that_stands_still_ends_the_force);
   RUN(test_a_coarse_clock_is_no_fault);
   RUN(test_after_a_pause_forces_start_from_none);
+  RUN(test_a_status_that_stays_away_ends_the_force);
+  RUN(test_a_status_that_is_only_broken_ends_the_force);
+  RUN(test_the_age_allowed_follows_the_rate_of_the_source);
+  RUN(test_a_device_in_doubt_ends_the_force_at_once);
+  RUN(test_an_open_switch_counts_in_any_sound_frame);
+  RUN(test_a_late_wake_up_never_steepens_the_rise);
   RUN(test_device_fault_ends_the_force);
   RUN(test_broken_frames_end_the_force);
   RUN(test_stalls);

@@ -15,12 +15,14 @@
 static const double farthest_m = 100.0;  // of the tracker's receiver from the origin
 
 void gv_session_init(gv_session *session, const gv_session_config *cfg, gv_engine *engine) {
-  *session = (gv_session){.cfg = *cfg, .engine = engine, .glove_age_s = HUGE_VAL, .hand_age_s = HUGE_VAL};
+  *session = (gv_session){.cfg = *cfg, .engine = engine, .glove_age_s = HUGE_VAL, .hand_age_s = HUGE_VAL,
+                          .status_age_s = HUGE_VAL};
   session->hand.T_world_receiver = session->sample.T_world_receiver = gv_pose_identity();
   session->limb_configured = gv_engine_config(engine)->limb;
   session->palm_configured = gv_engine_config(engine)->palm;
   gv_safety_init(&session->safety, &cfg->safety);
   gv_limiter_init(&session->limiter, &cfg->limiter);
+  session->limiter.longest_rise_s = cfg->command_s > 0.0 ? cfg->command_s : cfg->period_s;
 }
 
 void gv_session_change_engine(gv_session *session, gv_engine *engine, uint64_t steps_before) {
@@ -57,27 +59,30 @@ static bool accept_counter(gv_frame_counters *frames, gv_stream *stream, uint8_t
   return true;
 }
 
-// Time of measurement; a sample that is too old already counts as late (it still moves the simulated hand).
-static int64_t measured_at(gv_session *session, const gv_frame *frame, int64_t now_ns, uint32_t age_us) {
-  int64_t time_ns = frame->stamp_ns - (int64_t)age_us * 1000;
-  if ((double)(now_ns - time_ns) * 1e-9 > session->cfg.safety.max_age_s) session->frames.late++;
-  return time_ns;
+// A sample that is too old already counts as late (it still moves the simulated hand).
+static void take_source(gv_session *session, gv_source *source, const gv_frame *frame, int64_t now_ns, uint32_t stamp_us,
+                        uint32_t age_us) {
+  gv_source_take(source, frame->stamp_ns, stamp_us, age_us);
+  if ((double)(now_ns - source->time_ns) * 1e-9 > session->cfg.safety.max_age_s) session->frames.late++;
 }
 
 static gv_fcu_error take_glove(gv_session *session, const gv_frame *frame, int64_t now_ns) {
   gv_glove_msg msg;
   gv_fcu_error error = gv_fcu_unpack_glove(frame, &msg);
-  if (error || !accept_counter(&session->frames, &session->glove_stream, msg.counter)) return error;
-  bool other_hand = ((msg.flags & GV_GLOVE_LEFT) != 0) != (session->cfg.side == GV_LEFT);
-  if (other_hand || (msg.flags & GV_GLOVE_SENSOR_FAULT)) {
-    session->other_hand |= other_hand;
+  if (error) return error;
+  if (!(msg.flags & GV_GLOVE_DEAD_MAN)) session->switch_open = true;
+  if (!accept_counter(&session->frames, &session->glove_stream, msg.counter)) return GV_FCU_OK;
+  const bool other_hand = ((msg.flags & GV_GLOVE_LEFT) != 0) != (session->cfg.side == GV_LEFT);
+  const bool sensor_fault = (msg.flags & GV_GLOVE_SENSOR_FAULT) != 0;
+  session->glove_doubt = (other_hand ? GV_FAULT_OTHER_HAND : 0u) | (sensor_fault ? GV_FAULT_SENSOR : 0u);
+  session->other_hand |= other_hand;
+  if (session->glove_doubt) {
     session->frames.unusable++;
     return GV_FCU_OK;
   }
-  if (!session->glove_seen || msg.stamp_us != session->glove.stamp_us) session->glove_moved_ns = frame->stamp_ns;
   session->glove = msg;
-  session->glove_time_ns = measured_at(session, frame, now_ns, msg.age_us);
-  session->glove_seen = session->sample.glove_new = true;
+  take_source(session, &session->glove_source, frame, now_ns, msg.stamp_us, msg.age_us);
+  session->sample.glove_new = true;
   return GV_FCU_OK;
 }
 
@@ -87,15 +92,15 @@ static gv_fcu_error take_pose(gv_session *session, const gv_frame *frame, int64_
   if (error || !accept_counter(&session->frames, &session->pose_stream, msg.counter)) return error;
   // Beyond 100 m the engine refuses the pose: taking it as fresh here would let a force go on from an old one.
   if (!(msg.flags & GV_POSE_VALID) || (msg.flags & GV_POSE_TRACKER_ERROR) || gv_norm(msg.T_world_receiver.p) > farthest_m) {
+    if (msg.receiver == GV_RECEIVER_HAND) session->hand_source.doubt = true;
     session->frames.unusable++;
   } else if (msg.receiver == GV_RECEIVER_HEAD) {
     session->head = msg;
     session->head_seen = true;
   } else if (msg.receiver == GV_RECEIVER_HAND) {
-    if (!session->hand_seen || msg.stamp_us != session->hand.stamp_us) session->hand_moved_ns = frame->stamp_ns;
     session->hand = msg;
-    session->hand_time_ns = measured_at(session, frame, now_ns, msg.age_us);
-    session->hand_seen = session->sample.pose_new = true;
+    take_source(session, &session->hand_source, frame, now_ns, msg.stamp_us, msg.age_us);
+    session->sample.pose_new = true;
   }
   return GV_FCU_OK;
 }
@@ -103,9 +108,11 @@ static gv_fcu_error take_pose(gv_session *session, const gv_frame *frame, int64_
 static gv_fcu_error take_status(gv_session *session, const gv_frame *frame) {
   gv_status_msg msg;
   gv_fcu_error error = gv_fcu_unpack_status(frame, &msg);
-  if (error || !accept_counter(&session->frames, &session->status_stream, msg.counter)) return error;
+  if (error) return error;
+  if (!(msg.flags & GV_STATUS_DEAD_MAN)) session->switch_open = true;
+  if (!accept_counter(&session->frames, &session->status_stream, msg.counter)) return GV_FCU_OK;
   session->status = msg;
-  session->status_seen = true;
+  gv_source_take(&session->status_source, frame->stamp_ns, msg.stamp_us, 0);
   return GV_FCU_OK;
 }
 
@@ -141,14 +148,6 @@ static double largest(const double value[GV_FINGERS]) {
   return max;
 }
 
-// Age of the newest sample. A device that repeats one measurement with its stamp, however fresh its frames, is as
-// old as that stamp; since the clocks of some devices tick only every 32 ms, twice the largest age is let pass.
-static double age_s(const gv_session *session, bool seen, int64_t time_ns, int64_t moved_ns, int64_t now_ns) {
-  if (!seen) return HUGE_VAL;
-  const double age = (double)(now_ns - time_ns) * 1e-9, standing = (double)(now_ns - moved_ns) * 1e-9;
-  return standing > 2.0 * session->cfg.safety.max_age_s ? fmax(age, standing) : age;
-}
-
 // A step that came late is one overrun however late it came: a shared machine stalls for 10 to 30 ms now and
 // then, and the device's watchdog has let go of the force by then. A stall beyond the largest age of a sample
 // is a fault at once: nobody knows where the hand was meanwhile, and frames that waited in a socket look fresh.
@@ -158,18 +157,32 @@ static unsigned count_overruns(const gv_session *session, unsigned periods_skipp
   return periods_skipped > 0 ? 1 : 0;
 }
 
+// Held: both who know the switch say so in their newest messages, and no sound frame of this step says otherwise.
+static bool dead_man_held(const gv_session *session) {
+  const bool glove_held = session->glove_source.seen && (session->glove.flags & GV_GLOVE_DEAD_MAN);
+  const bool device_held = !session->status_source.seen || (session->status.flags & GV_STATUS_DEAD_MAN);
+  return glove_held && device_held && !session->switch_open;
+}
+
 static void step_safety(gv_session *session, unsigned frame_errors, unsigned periods_skipped) {
-  const bool glove_held = session->glove_seen && (session->glove.flags & GV_GLOVE_DEAD_MAN);
-  const bool device_held = !session->status_seen || (session->status.flags & GV_STATUS_DEAD_MAN);
-  const bool held = glove_held && device_held;
+  const bool held = dead_man_held(session);
   session->disarmed = session->disarmed && held;
   const gv_safety_input in = {
-    .glove_seen = session->glove_seen, .tracker_seen = session->hand_seen,
-    .glove_age_s = session->glove_age_s, .tracker_age_s = session->hand_age_s,
+    .glove_seen = session->glove_source.seen,
+    .tracker_seen = session->hand_source.seen,
+    .status_seen = session->status_source.seen,
+    .glove_age_s = session->glove_age_s,
+    .tracker_age_s = session->hand_age_s,
+    .status_age_s = session->status_age_s,
+    .glove_interval_s = session->glove_source.interval_s,
+    .tracker_interval_s = session->hand_source.interval_s,
+    .status_interval_s = session->status_source.interval_s,
+    .doubts = session->glove_doubt | (session->hand_source.doubt ? GV_FAULT_TRACKER : 0u),
     .dead_man = held && !session->disarmed,
     .finite = all_finite(session->result.tension_n),
-    .device_fault = session->status_seen && (session->status.flags & GV_STATUS_FAULT),
-    .bad_frames = frame_errors, .overruns = count_overruns(session, periods_skipped),
+    .device_fault = session->status_source.seen && (session->status.flags & GV_STATUS_FAULT),
+    .bad_frames = frame_errors,
+    .overruns = count_overruns(session, periods_skipped),
     .desired_max_n = largest(session->result.tension_n),
   };
   gv_safety_step(&session->safety, &in, session->cfg.period_s);
@@ -179,11 +192,10 @@ static void step_safety(gv_session *session, unsigned frame_errors, unsigned per
 static uint32_t age_us(double seconds) { return seconds < 0.65 ? (uint32_t)fmax(0.0, seconds * 1e6) : 655350u; }
 
 // Limits the desired forces and packs what is left of them: the one way of a force out of the daemon.
-static void send_force(gv_session *session, const double desired_n[GV_FINGERS], gv_frame *out_command) {
+static void send_force(gv_session *session, const double desired_n[GV_FINGERS], double dt_s, gv_frame *out_command) {
   const bool enabled = gv_safety_lets_force_out(&session->safety);
   const double age = fmax(session->glove_age_s, session->hand_age_s);
-  session->limiter_flags = gv_limiter_step(&session->limiter, desired_n, enabled, age, session->cfg.period_s,
-                                           session->force_n);
+  session->limiter_flags = gv_limiter_step(&session->limiter, desired_n, enabled, age, dt_s, session->force_n);
   gv_command_msg *msg = &session->command;
   // While a fault ramps down the device stays enabled: switching off at full force would be a jerk.
   const int enable = enabled || largest(session->force_n) > 0.0 ? GV_COMMAND_ENABLE : 0;
@@ -198,30 +210,44 @@ static void send_force(gv_session *session, const double desired_n[GV_FINGERS], 
 }
 
 static void update_ages(gv_session *session, int64_t now_ns) {
-  session->glove_age_s = age_s(session, session->glove_seen, session->glove_time_ns, session->glove_moved_ns, now_ns);
-  session->hand_age_s = age_s(session, session->hand_seen, session->hand_time_ns, session->hand_moved_ns, now_ns);
+  const gv_safety_config *safety = &session->cfg.safety;
+  session->glove_age_s = gv_source_age_s(&session->glove_source, now_ns, safety->max_age_s);
+  session->hand_age_s = gv_source_age_s(&session->hand_source, now_ns, safety->max_age_s);
+  session->status_age_s = gv_source_age_s(&session->status_source, now_ns, safety->status_age_s);
 }
 
-// After a pause in which the device let go by itself, forces start from none: going on at the old one, and be it on
-// the ramp down, would pull once more.
-static void forget_force_after_pause(gv_session *session) {
-  if (session->pause_s >= fmax(GV_DEVICE_WATCHDOG_S, 1.5 * session->cfg.period_s))
+// Time since the last command. After a pause in which the device let go by itself, forces start from none: going on at
+// the old one, and be it on the ramp down, would pull once more.
+static double since_command_s(gv_session *session, int64_t now_ns) {
+  const bool first = session->frames.tx == 0;
+  const double passed_s = first ? session->cfg.period_s : fmax(0.0, (double)(now_ns - session->commanded_ns) * 1e-9);
+  session->commanded_ns = now_ns;
+  if (passed_s >= fmax(GV_DEVICE_WATCHDOG_S, 1.5 * session->limiter.longest_rise_s))
     memset(session->limiter.out_n, 0, sizeof session->limiter.out_n);
+  return passed_s;
 }
 
-void gv_session_step(gv_session *session, int64_t now_ns, const gv_frame *frame, int count,
-                     unsigned periods_skipped, gv_frame *out_command) {
+void gv_session_compute(gv_session *session, int64_t now_ns, const gv_frame *frame, int count, unsigned periods_skipped) {
   const uint64_t errors_before = session->frames.errors;
   session->pause_s = gv_engine_counters(session->engine)->steps ? (double)(now_ns - session->stepped_ns) * 1e-9 : 0.0;
   session->stepped_ns = now_ns;
-  session->sample.glove_new = session->sample.pose_new = false;
+  session->sample.glove_new = session->sample.pose_new = session->switch_open = false;
   for (int i = 0; i < count; i++) take_frame(session, &frame[i], now_ns);
   fill_sample(session);
   update_ages(session, now_ns);
   gv_engine_step(session->engine, &session->sample, &session->result);
   step_safety(session, (unsigned)(session->frames.errors - errors_before), periods_skipped);
-  forget_force_after_pause(session);
-  send_force(session, session->result.tension_n, out_command);
+}
+
+void gv_session_command(gv_session *session, int64_t now_ns, gv_frame *out_command) {
+  update_ages(session, now_ns);
+  send_force(session, session->result.tension_n, since_command_s(session, now_ns), out_command);
+}
+
+void gv_session_step(gv_session *session, int64_t now_ns, const gv_frame *frame, int count,
+                     unsigned periods_skipped, gv_frame *out_command) {
+  gv_session_compute(session, now_ns, frame, count, periods_skipped);
+  gv_session_command(session, now_ns, out_command);
 }
 
 static gv_coupling scaled(gv_coupling c, double factor) {
@@ -259,6 +285,6 @@ bool gv_session_stop(gv_session *session, int64_t now_ns, gv_frame *out_command)
   const gv_safety_input in = {.stop = true, .finite = true};
   update_ages(session, now_ns);
   gv_safety_step(&session->safety, &in, session->cfg.period_s);
-  send_force(session, no_force, out_command);
+  send_force(session, no_force, since_command_s(session, now_ns), out_command);
   return largest(session->force_n) <= 0.0;
 }

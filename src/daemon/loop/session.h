@@ -12,6 +12,7 @@
 #include "gloved/force.h"
 #include "gloved/safety.h"
 #include "daemon/loop/request.h"
+#include "safety/source.h"
 
 enum {
   GV_RECEIVER_HEAD = 1, GV_RECEIVER_HAND = 2, // POSE.receiver
@@ -27,6 +28,7 @@ typedef struct gv_session_config {
   gv_safety_config safety;
   gv_side side;      // a glove for the other hand is not used
   double period_s;   // of one gv_session_step
+  double command_s;  // between two commands, where they are sent more often than the engine steps; 0: period_s
 } gv_session_config;
 
 // Since the start; they never go back.
@@ -52,20 +54,22 @@ typedef struct gv_session {
   gv_limiter limiter;
   gv_frame_counters frames;
   gv_stream glove_stream, pose_stream, status_stream;
-  // Newest good message of each kind, and the time (now_ns) of its measurement.
+  // Newest good message of each kind, and the age and rate of those that a force depends on.
   gv_glove_msg glove;
   gv_pose_msg hand, head;
   gv_status_msg status;
-  bool glove_seen, hand_seen, head_seen, status_seen;
-  int64_t glove_time_ns, hand_time_ns;
+  gv_source glove_source, hand_source, status_source;
+  bool head_seen;
+  uint32_t glove_doubt;    // GV_FAULT_SENSOR, GV_FAULT_OTHER_HAND: why the glove's newest sound frame was no sample
+  bool switch_open;        // a sound frame of this step, whatever else it says, has the dead-man switch open
   int64_t stepped_ns;      // now_ns of the last step
   double pause_s;          // between the last two steps; 0 before the second
-  int64_t glove_moved_ns, hand_moved_ns; // arrival of the first sample with the present stamp
+  int64_t commanded_ns;    // now_ns of the last command
   bool other_hand;         // a glove of the other hand was seen
   bool disarmed;           // by request: the dead-man switch counts as open until it really is
   gv_sample sample;        // what the engine got last
   gv_step_result result;   // what it answered
-  double glove_age_s, hand_age_s; // at the last step; infinite before the first sample
+  double glove_age_s, hand_age_s, status_age_s; // at the last command; infinite before the first message
   double force_n[GV_FINGERS];     // what left through the limiter
   double force_max_n[GV_FINGERS]; // largest so far
   unsigned limiter_flags;  // of the last step (gv_limiter_flag)
@@ -84,10 +88,16 @@ void gv_session_change_engine(gv_session *session, gv_engine *engine, uint64_t s
 // Steps of all engines so far.
 int64_t gv_session_steps(const gv_session *session);
 
-// One period at now_ns with the frames that came since the last one, and the number of periods that the
-// loop had to skip before it. Always writes the command. Cost: the engine's step and below 2 us.
+// Both in one: the step, and its command at the same time. Tests, replays.
 void gv_session_step(gv_session *session, int64_t now_ns, const gv_frame *frame, int count,
                      unsigned periods_skipped, gv_frame *out_command);
+
+// One period at now_ns with the frames that came since the last one, and the number of periods that the
+// loop had to skip before it. Cost: the engine's step and below 2 us.
+void gv_session_compute(gv_session *session, int64_t now_ns, const gv_frame *frame, int count, unsigned periods_skipped);
+// What the device is told at now_ns, when it is sent: after a step, and again between two steps where they are far
+// apart. The limiter reckons with the time since the last command. Always writes one.
+void gv_session_command(gv_session *session, int64_t now_ns, gv_frame *out_command);
 
 // Reset, scene (whether it may be changed now: the caller does it), coupling, friction or disarm, between two steps. False: not now (a force may flow), nothing has changed.
 bool gv_session_request(gv_session *session, const gv_request *request);

@@ -27,10 +27,10 @@ static void fill_scene(const gv_engine *engine, int object_count, gv_snapshot *o
 }
 
 static void fill_devices(const gv_session *session, gv_snapshot *out) {
-  out->glove_seen = session->glove_seen;
-  out->hand_seen = session->hand_seen;
+  out->glove_seen = session->glove_source.seen;
+  out->hand_seen = session->hand_source.seen;
   out->head_seen = session->head_seen;
-  out->status_seen = session->status_seen;
+  out->status_seen = session->status_source.seen;
   out->dead_man = (session->glove.flags & GV_GLOVE_DEAD_MAN) != 0;
   out->glove_age_s = session->glove_age_s;
   out->hand_age_s = session->hand_age_s;
