@@ -16,7 +16,8 @@ typedef enum gv_rotation_law { GV_ROTATION_LOG, GV_ROTATION_PAPER } gv_rotation_
 // newton: ours, exact. dantzig: ODE's exact one, solved again until its friction is Coulomb's. quickstep: ODE's iterative
 // one. Where the one that was asked for has no answer within its share of the period, quickstep does the step.
 // auto: newton; what it leaves goes to dantzig where that fits, else to quickstep.
-typedef enum gv_solver { GV_SOLVER_AUTO, GV_SOLVER_NEWTON, GV_SOLVER_DANTZIG, GV_SOLVER_QUICKSTEP } gv_solver;
+typedef enum gv_solver { GV_SOLVER_AUTO, GV_SOLVER_NEWTON, GV_SOLVER_DANTZIG, GV_SOLVER_QUICKSTEP, GV_SOLVERS } gv_solver;
+const char *gv_solver_name(gv_solver solver); // "auto", "newton", ...
 
 // Spring-damper of one limb (Eqn 1, 2), integrated by backward Euler.
 typedef struct gv_coupling {
@@ -62,7 +63,9 @@ typedef struct gv_config {
 
 // Realistic: log map, critically damped, world gravity, mu 0.8, stiff contact.
 gv_config gv_config_default(void);
-// The paper's Tables 1 and 2 in the reading of DESIGN.md ("Preset paper").
+// The default on the two packages as they come: ODE's solvers, Dantzig's where it fits into the period.
+gv_config gv_config_stock(void);
+// The same with the paper's Tables 1 and 2 in the reading of DESIGN.md ("Preset paper").
 gv_config gv_config_paper(void);
 // Null when sound, otherwise the name of the first field that is not finite or out of range.
 const char *gv_config_check(const gv_config *cfg);

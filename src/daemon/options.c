@@ -59,6 +59,7 @@ int gv_options_parse(int argc, char **argv, gv_options *out, char *err, size_t e
     {"--config", &out->config, NULL, NULL, 0, 0},   {"--scene", &out->scene, NULL, NULL, 0, 0},
     {"--fcu", &out->fcu, NULL, NULL, 0, 0},         {"--tracker", &out->tracker, NULL, NULL, 0, 0},
     {"--narrow", &out->narrow, NULL, NULL, 0, 0},
+    {"--solver", &out->solver, NULL, NULL, 0, 0},
     {"--rate", NULL, &out->rate_hz, NULL, GV_RATE_MIN_HZ, GV_RATE_MAX_HZ},
     {"--duration", NULL, &out->duration_s, NULL, 0.001, 1e6},
     {"--lcm", &out->lcm, NULL, NULL, 0, 0},         {"--log", &out->log, NULL, NULL, 0, 0},
@@ -99,6 +100,10 @@ int gv_options_settings(const gv_options *options, gv_settings *out, char *err, 
     snprintf(err, err_size, "--narrow \"%.40s\" is not known; give core or libccd", options->narrow);
     return -1;
   }
+  if (options->solver && gv_settings_set_solver(&out->engine, options->solver)) {
+    snprintf(err, err_size, "--solver \"%.40s\" is not known; give auto, newton, dantzig or quickstep", options->solver);
+    return -1;
+  }
   if (options->rate_hz > 0.0) {
     out->rate_hz = options->rate_hz;
     out->engine.step_s = 1.0 / options->rate_hz;
@@ -118,6 +123,7 @@ int gv_options_settings(const gv_options *options, gv_settings *out, char *err, 
     snprintf(err, err_size, "--sync \"%.40s\" is none; write --sync device, or leave it out for the loop's own clock", options->sync);
     return -1;
   }
+  out->engine.period_s = 1.0 / out->rate_hz;
   const char *field = gv_config_check(&out->engine);
   if (!field) return 0;
   snprintf(err, err_size, "configuration: %s is not finite or out of range; correct it in %s", field,
@@ -146,6 +152,7 @@ const char *gv_options_help(void) {
     "  --rate HZ         periods per second, 100 to 10000 (1000)\n"
     "  --narrow core|libccd  narrow phase of the collision detection (core)\n"
     "  --sync device     a step begins with the glove's frame; without one, by the loop's own clock\n"
+    "  --solver NAME     contact solver: auto (newton; what it leaves to ODE's), newton, dantzig or quickstep\n"
     "  --duration S      end after S seconds\n"
     "  --lcm URL|none    where to publish (udpm://239.255.76.67:7667?ttl=0)\n"
     "  --log FILE.lcm    write what is published into a log, too\n"

@@ -6,25 +6,27 @@
 #include <assert.h>
 #include <string.h>
 
-enum { TURNS = 3, SOLVERS = GV_SOLVER_QUICKSTEP + 1 };
+enum { TURNS = 3 };
 
 typedef struct turn {
   gv_solver solver;          // GV_SOLVER_AUTO ends the list
   double share;              // of the period
 } turn;
 
-static const turn order[SOLVERS][TURNS] = {
+static const turn order[GV_SOLVERS][TURNS] = {
   [GV_SOLVER_AUTO] = {{GV_SOLVER_NEWTON, 0.5}, {GV_SOLVER_DANTZIG, 0.2}, {GV_SOLVER_QUICKSTEP, 0.2}},
   [GV_SOLVER_NEWTON] = {{GV_SOLVER_NEWTON, 0.5}, {GV_SOLVER_QUICKSTEP, 0.4}},
   [GV_SOLVER_DANTZIG] = {{GV_SOLVER_DANTZIG, 0.6}, {GV_SOLVER_QUICKSTEP, 0.3}},
   [GV_SOLVER_QUICKSTEP] = {{GV_SOLVER_QUICKSTEP, 0.9}},
 };
 
-static const gv_contact_solver *const solvers[SOLVERS] = {
+static const gv_contact_solver *const solvers[GV_SOLVERS] = {
   [GV_SOLVER_NEWTON] = &gv_solver_newton,
   [GV_SOLVER_DANTZIG] = &gv_solver_dantzig,
   [GV_SOLVER_QUICKSTEP] = &gv_solver_quickstep,
 };
+
+const char *gv_solver_name(gv_solver solver) { return solver == GV_SOLVER_AUTO ? "auto" : solvers[solver]->name; }
 
 bool gv_choice_open(gv_choice *choice, gv_arena *arena, const gv_config *cfg) {
   *choice = (gv_choice){.solver = cfg->solver, .period_s = cfg->period_s > 0.0 ? cfg->period_s : cfg->step_s};
@@ -40,7 +42,7 @@ static void *memory_of(gv_choice *choice, gv_solver solver) {
 }
 
 void gv_choice_forget(gv_choice *choice) {
-  for (int i = GV_SOLVER_NEWTON; i < SOLVERS; i++) solvers[i]->forget(memory_of(choice, (gv_solver)i));
+  for (int i = GV_SOLVER_NEWTON; i < GV_SOLVERS; i++) solvers[i]->forget(memory_of(choice, (gv_solver)i));
 }
 
 gv_solver_report gv_choice_solve(gv_choice *choice, gv_problem *problem, gv_velocity out_velocity[], gv_vec3 out_impulse[]) {
@@ -76,7 +78,7 @@ void gv_choice_warm_up(gv_choice *choice, gv_problem *problem) {
   enum { DANTZIG_MOST = 128 };
   gv_velocity velocity[GV_BODIES];
   gv_vec3 impulse[GV_MAX_CONTACTS];
-  for (int i = GV_SOLVER_NEWTON; i < SOLVERS; i++) {
+  for (int i = GV_SOLVER_NEWTON; i < GV_SOLVERS; i++) {
     state_ring(problem, i == GV_SOLVER_DANTZIG ? DANTZIG_MOST : GV_MAX_CONTACTS);
     solvers[i]->solve(memory_of(choice, (gv_solver)i), problem, velocity, impulse);
   }

@@ -27,8 +27,15 @@ gv_config gv_config_default(void) {
   };
 }
 
-gv_config gv_config_paper(void) {
+gv_config gv_config_stock(void) {
   gv_config c = gv_config_default();
+  c.narrow = GV_NARROW_LIBCCD;
+  c.solver = GV_SOLVER_DANTZIG;
+  return c;
+}
+
+gv_config gv_config_paper(void) {
+  gv_config c = gv_config_stock();
   c.palm_mass_kg = 0.01;
   // Table 2 with the damping read per 4 ms frame of the 250 Hz loop: 800 -> 3.2 N s/m, 0.06 -> 0.00024 N m s/rad.
   c.limb = c.palm = (gv_coupling){200.0, 800.0 * 0.004, 0.48, 0.06 * 0.004};
@@ -46,6 +53,15 @@ gv_config gv_config_paper(void) {
 }
 
 typedef struct field { const char *name; double value, min, max; } field;
+
+static const char *check_enumerations(const gv_config *c) {
+  if ((unsigned)c->solver >= GV_SOLVERS) return "solver";
+  if (c->narrow != GV_NARROW_CORE && c->narrow != GV_NARROW_LIBCCD) return "narrow";
+  if (c->friction != GV_FRICTION_PYRAMID && c->friction != GV_FRICTION_FIXED_LIMIT) return "friction";
+  if (c->rotation_law != GV_ROTATION_LOG && c->rotation_law != GV_ROTATION_PAPER) return "rotation_law";
+  if (c->hand.side != GV_RIGHT && c->hand.side != GV_LEFT) return "hand.side";
+  return NULL;
+}
 
 const char *gv_config_check(const gv_config *c) {
   const field f[] = {
@@ -67,7 +83,8 @@ const char *gv_config_check(const gv_config *c) {
   };
   for (size_t i = 0; i < sizeof f / sizeof *f; i++)
     if (!(f[i].value >= f[i].min && f[i].value <= f[i].max)) return f[i].name;  // a not-a-number fails too
-  if (c->narrow != GV_NARROW_CORE && c->narrow != GV_NARROW_LIBCCD) return "narrow";
+  const char *unknown = check_enumerations(c);
+  if (unknown) return unknown;
   for (int i = 0; i < GV_FINGERS; i++)
     for (int s = 0; s < 3; s++) {
       if (!(c->hand.segment_m[i][s] > 0.001 && c->hand.segment_m[i][s] < 0.2)) return "hand.segment_m";

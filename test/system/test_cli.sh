@@ -42,6 +42,8 @@ refused rate_high 20000 --rate 20000
 refused rate_not_a_number nan --rate nan
 refused rate_trailing 1000x --rate 1000x
 refused narrow_word 'give core or libccd' --narrow gjk
+refused solver_old_word 'newton' --solver quick
+refused solver_unknown 'auto, newton, dantzig or quickstep' --solver pgs
 refused duration_zero '--duration 0' --duration 0
 refused duration_negative '-3' --duration -3
 refused duration_infinite inf --duration inf
@@ -73,7 +75,7 @@ refused record_place "$tmp/no/x.log" --fcu "$press" --lcm none --record "$tmp/no
 refused summary_place "$tmp/no/x.json" --fcu "$press" --lcm none --summary "$tmp/no/x.json"
 
 "$gloved" --help > "$tmp/help"; code=$?
-for option in --config --scene --fcu --tracker --rate --narrow --duration --lcm --log --record --summary --no-rt --check --help --version; do
+for option in --config --scene --fcu --tracker --rate --narrow --solver --duration --lcm --log --record --summary --no-rt --check --help --version; do
   grep -q -e "$option" "$tmp/help" || code=1
 done
 verdict help_names_every_option $code "$(cat "$tmp/help")"
@@ -94,6 +96,14 @@ printf 'version = 1;\nrate_hz = 500.0;\nlcm = "none";\n' > "$tmp/rate.conf"
 verdict config_over_defaults $? "$(cat "$tmp/out")"
 "$gloved" --config "$tmp/rate.conf" --rate 2000 --check --fcu "$press" > "$tmp/out" 2>&1 && grep -q '2000 Hz, step 0.5 ms' "$tmp/out"
 verdict command_line_over_config $? "$(cat "$tmp/out")"
+
+"$gloved" --solver dantzig --check --fcu "$press" --lcm none > "$tmp/out" 2>&1 && grep -q '^solver  *dantzig' "$tmp/out"
+verdict check_says_the_solver $? "$(cat "$tmp/out")"
+for solver in newton dantzig quickstep; do
+  "$gloved" --solver $solver --fcu 'sim:data/scripts/power_box.user?speed=0' --lcm none --duration 6 --summary "$tmp/solver.json" > /dev/null 2> "$tmp/err"
+  python3 -c 'import json, sys; n = json.load(open(sys.argv[1]))["solver_steps"]; sys.exit(not (n[sys.argv[2]] > 1000 and sum(n.values()) == n[sys.argv[2]] + n["newton_lagged"]))' "$tmp/solver.json" $solver
+  verdict summary_says_${solver}_did_the_steps $? "$(grep solver_steps "$tmp/solver.json"; cat "$tmp/err")"
+done
 
 "$gloved" --fcu "$press?speed=0" --lcm none --duration 0.5 --summary "$tmp/free.json" > "$tmp/out" 2> "$tmp/err"; code=$?
 python3 - "$tmp/free.json" <<'END' > "$tmp/why" 2>&1

@@ -5,7 +5,7 @@
 #include <string.h>
 #include <unistd.h>
 
-#include "daemon/load/config_load.h"
+#include "daemon/options.h"
 #include "support/check.h"
 
 static char err[1024];
@@ -200,7 +200,7 @@ static const mistake settings_mistakes[] = {
   {V "scene = box;\n", ":2: ", "syntax error"},
   {V "scene = 5;\n", ":2: ", "'scene' is no text"},
   {V "scene = \"a\\nb\";\n", ":2: ", "control character"},
-  {V "preset = \"papers\";\n", ":2: ", "\"default\" or \"paper\""},
+  {V "preset = \"papers\";\n", ":2: ", "\"default\" or \"stock\" or \"paper\""},
   {V "hand = { side = \"both\"; };\n", ":2: ", "\"right\" or \"left\""},
   {V "hand = {\n segment_mm = ([46.6, 31.4, 26.9]);\n};\n", ":3: ", "5 rows"},
   {V "hand = {\n radius_mm = ([11,10,9],\n [9,8,7],\n [9,8],\n [9,8,7],[8,7,6]);\n};\n", ":5: ", "has 2 numbers; write 3"},
@@ -215,6 +215,11 @@ static const mistake settings_mistakes[] = {
   {V "contact = { world_cfm = 0; };\n", ":2: ", "'world_cfm' is 0"},
   {V "contact = { narrow = \"gjk\"; };\n", ":2: ", "\"core\" or \"libccd\""},
   {V "solver = { method = 1; };\n", ":2: ", "\"auto\" or \"newton\" or \"dantzig\" or \"quickstep\""},
+  {V "solver = { method = \"quick\"; };\n", ":2: ", "\"auto\" or \"newton\" or \"dantzig\" or \"quickstep\""},
+  {V "solver = { method = \"direct\"; };\n", ":2: ", "\"auto\" or \"newton\" or \"dantzig\" or \"quickstep\""},
+  {V "solver = \"quick\";\n", ":2: ", "\"auto\" or \"newton\" or \"dantzig\" or \"quickstep\""},
+  {V "solver = 3;\n", ":2: ", "'solver'"},
+  {V "solver = { dantzig_contacts = 5; };\n", ":2: ", "dantzig_contacts"},
   {V "safety = { bad_limit = 0; };\n", ":2: ", "'bad_limit' is 0"},
   {V "calibration = \"/nonexistent.cal\";\n", ":2: ", "/nonexistent.cal: cannot open"},
   {V "@include \"other.conf\"\n", ":2: ", "'@include' is not supported"},
@@ -223,6 +228,53 @@ static const mistake settings_mistakes[] = {
   {V "limiter = { max_n = 3;\n", ":", "bracket"},
   {"\xff\xfe garbage", ":1: ", "syntax error"},
 };
+
+// A word alone names the solver; presets set it, and a later word wins.
+static void test_solver_by_its_name(void) {
+  static const struct { const char *text; gv_solver solver; } said[] = {
+    {V, GV_SOLVER_AUTO}, {V "solver = \"newton\";\n", GV_SOLVER_NEWTON}, {V "solver = { method = \"dantzig\"; };\n", GV_SOLVER_DANTZIG},
+    {V "preset = \"stock\";\n", GV_SOLVER_DANTZIG}, {V "preset = \"paper\";\n", GV_SOLVER_DANTZIG},
+    {V "preset = \"stock\"; solver = \"quickstep\";\n", GV_SOLVER_QUICKSTEP}};
+  gv_settings s;
+  for (size_t i = 0; i < sizeof said / sizeof *said; i++) {
+    CHECK(load_settings(said[i].text, &s) == 0, "%s", err);
+    CHECK(s.engine.solver == said[i].solver, "%s gave %s", said[i].text, gv_solver_name(s.engine.solver));
+  }
+}
+
+// The solvers' time is a share of the loop's period, whatever the integration step is.
+static void test_period_is_the_loops(void) {
+  gv_settings s;
+  const gv_options by_rate = {.rate_hz = 500.0};
+  CHECK(gv_options_settings(&by_rate, &s, err, sizeof err) == 0 && s.engine.period_s == 0.002, "%g s", s.engine.period_s);
+  static const char text[] = V "rate_hz = 250.0; solver = { step_s = 0.0005; };\n";
+  char path[64];
+  write_file(path, text, sizeof text - 1);
+  const gv_options by_file = {.config = path};
+  CHECK(gv_options_settings(&by_file, &s, err, sizeof err) == 0, "%s", err);
+  unlink(path);
+  CHECK(s.engine.period_s == 0.004 && s.engine.step_s == 0.0005, "%g s, step %g s", s.engine.period_s, s.engine.step_s);
+}
+
+// An enumeration is checked like a number.
+static void test_unknown_enumerations_are_refused(void) {
+  gv_config c = gv_config_default();
+  CHECK(gv_config_check(&c) == NULL, "the default is sound");
+  c.solver = (gv_solver)7;
+  CHECK(gv_config_check(&c) && !strcmp(gv_config_check(&c), "solver"), "solver 7");
+  c = gv_config_default();
+  c.solver = (gv_solver)-1;
+  CHECK(gv_config_check(&c) && !strcmp(gv_config_check(&c), "solver"), "solver -1");
+  c = gv_config_default();
+  c.friction = (gv_friction)5;
+  CHECK(gv_config_check(&c) && !strcmp(gv_config_check(&c), "friction"), "friction 5");
+  c = gv_config_default();
+  c.rotation_law = (gv_rotation_law)2;
+  CHECK(gv_config_check(&c) && !strcmp(gv_config_check(&c), "rotation_law"), "rotation law 2");
+  c = gv_config_default();
+  c.hand.side = (gv_side)2;
+  CHECK(gv_config_check(&c) && !strcmp(gv_config_check(&c), "hand.side"), "side 2");
+}
 
 static void test_wrong_settings_are_refused(void) {
   gv_settings s;
@@ -283,6 +335,9 @@ int main(void) {
   RUN(test_paper_preset_comes_first);
   RUN(test_settings_arrive);
   RUN(test_named_calibration_is_read);
+  RUN(test_solver_by_its_name);
+  RUN(test_period_is_the_loops);
+  RUN(test_unknown_enumerations_are_refused);
   RUN(test_wrong_settings_are_refused);
   RUN(test_wrong_calibrations_are_refused);
   RUN(test_files_that_are_no_text);

@@ -183,6 +183,22 @@ static void test_fixed_limits(void) {
   gv_choice_close(&choice);
 }
 
+// The budget is a share of the loop's period, never of the integration step.
+static void test_budget_is_of_the_period(void) {
+  static gv_problem q;
+  static answer a;
+  for (int fits = 0; fits < 2; fits++) {
+    gv_choice choice = open_solvers();
+    draw_problem(&q, GV_FRICTION_PYRAMID);
+    q.step_s = fits ? 1e-5 : 0.02;
+    choice.period_s = fits ? 0.001 : 1e-5;
+    const gv_solver_report report = gv_choice_solve(&choice, &q, a.velocity, a.impulse);
+    CHECK(report.solver == (fits ? GV_SOLVER_NEWTON : GV_SOLVER_QUICKSTEP), "%s", gv_solver_name(report.solver));
+    CHECK(q.budget_s < choice.period_s, "%g s", q.budget_s);
+    gv_choice_close(&choice);
+  }
+}
+
 // Where a solver does not fit into its budget it says so at once.
 static void test_out_of_budget(void) {
   gv_choice choice = open_solvers();
@@ -242,6 +258,7 @@ int main(void) {
   RUN(test_dantzig_means_the_same_problem);
   RUN(test_fixed_limits);
   RUN(test_out_of_budget);
+  RUN(test_budget_is_of_the_period);
   RUN(test_no_heap_call_in_a_thousand_piles);
   return check_done();
 }

@@ -324,6 +324,8 @@ bool gv_conf_text(gv_conf_group *group, const char *key, char *out, size_t size)
   return true;
 }
 
+bool gv_conf_is_text(gv_conf_node node) { return gv_conf_has(node) && config_setting_get_string(node.setting); }
+
 bool gv_conf_choice(gv_conf_group *group, const char *key, const char *const *names, int *out) {
   gv_conf_node node = gv_conf_find(group, key);
   if (!gv_conf_has(node)) return false;

@@ -61,6 +61,8 @@ bool gv_conf_integer(gv_conf_group *group, const char *key, int min, int max, in
 bool gv_conf_bool(gv_conf_group *group, const char *key, bool *out);
 // Text of at most size - 1 bytes, no control characters.
 bool gv_conf_text(gv_conf_group *group, const char *key, char *out, size_t size);
+// Is it there, and text in quotes?
+bool gv_conf_is_text(gv_conf_node node);
 // One of `names` (null-terminated); the index goes to out.
 bool gv_conf_choice(gv_conf_group *group, const char *key, const char *const *names, int *out);
 // Exactly `count` numbers, [ ] or ( ). shape: "[x, y, z] in metres", for the message.

@@ -181,14 +181,32 @@ static void read_contact(gv_conf_group *root, gv_config *out) {
   gv_conf_leave(&contact);
 }
 
-static void read_solver(gv_conf_group *root, gv_config *out) {
-  static const char *const methods[] = {"auto", "newton", "dantzig", "quickstep", NULL};
-  static const gv_solver solver[] = {GV_SOLVER_AUTO, GV_SOLVER_NEWTON, GV_SOLVER_DANTZIG, GV_SOLVER_QUICKSTEP};
-  gv_conf_group group;
-  if (!gv_conf_enter(root, "solver", &group)) return;
+int gv_settings_set_solver(gv_config *out, const char *name) {
+  for (int i = 0; i < GV_SOLVERS; i++) {
+    if (strcmp(gv_solver_name((gv_solver)i), name) != 0) continue;
+    out->solver = (gv_solver)i;
+    return 0;
+  }
+  return -1;
+}
+
+static void read_method(gv_conf_group *group, const char *key, gv_config *out) {
+  const char *names[GV_SOLVERS + 1] = {NULL};
   int method;
+  for (int i = 0; i < GV_SOLVERS; i++) names[i] = gv_solver_name((gv_solver)i);
+  if (gv_conf_choice(group, key, names, &method)) out->solver = (gv_solver)method;
+}
+
+// A word names the solver alone.
+static void read_solver(gv_conf_group *root, gv_config *out) {
+  gv_conf_group group;
+  if (gv_conf_is_text(gv_conf_find(root, "solver"))) {
+    read_method(root, "solver", out);
+    return;
+  }
+  if (!gv_conf_enter(root, "solver", &group)) return;
   gv_conf_number(&group, "step_s", 1e-5, 0.02, &out->step_s);
-  if (gv_conf_choice(&group, "method", methods, &method)) out->solver = solver[method];
+  read_method(&group, "method", out);
   gv_conf_number(&group, "rest_s", 0, 100, &out->rest_s);
   gv_conf_leave(&group);
 }
@@ -248,9 +266,10 @@ static void read_realtime(gv_conf_group *root, gv_settings *out) {
 }
 
 static void read_preset(gv_conf_group *root, gv_config *out) {
-  static const char *const presets[] = {"default", "paper", NULL};
+  static const char *const presets[] = {"default", "stock", "paper", NULL};
+  static gv_config (*const make[])(void) = {gv_config_default, gv_config_stock, gv_config_paper};
   int preset;
-  if (gv_conf_choice(root, "preset", presets, &preset)) *out = preset ? gv_config_paper() : gv_config_default();
+  if (gv_conf_choice(root, "preset", presets, &preset)) *out = make[preset]();
 }
 
 static void read_calibration(gv_conf_group *root, gv_settings *out) {

@@ -38,6 +38,8 @@ void gv_settings_default(gv_settings *out);
 int gv_settings_load(const char *path, gv_settings *out, char *err, size_t err_size);
 // The narrow phase by its name on the command line. 0, or negative where the name is unknown: nothing has changed then.
 int gv_settings_set_narrow(gv_config *out, const char *name);
+// The contact solver by its name. 0, or negative where the name is unknown: nothing has changed then.
+int gv_settings_set_solver(gv_config *out, const char *name);
 // Two points per sensor, all 22 by name. 0, or negative with the reason in err; *out is then untouched.
 int gv_calibration_load(const char *path, gv_calibration *out, char *err, size_t err_size);
 // Writes such a file, with the comment's lines on top: whole or not at all. 0, or negative with one line in err.
