@@ -220,7 +220,7 @@ static void say_what_was_found(const program *p) {
   putchar('\n');
   if (*p->settings.tracker) printf("tracker    %s\n", p->settings.tracker);
   printf("lcm        %s\n", p->settings.lcm);
-  printf("solver     %s\n", gv_solver_name(p->settings.engine.solver));
+  printf("contact    solver %s, narrow phase %s\n", gv_solver_name(p->settings.engine.solver), p->settings.engine.narrow == GV_NARROW_LIBCCD ? "libccd" : "core");
   printf("memory     %.1f MB for scene and engine\n", (double)p->world.arena.used / 1e6);
   printf("all sound\n");
 }

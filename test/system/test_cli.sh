@@ -97,7 +97,7 @@ verdict config_over_defaults $? "$(cat "$tmp/out")"
 "$gloved" --config "$tmp/rate.conf" --rate 2000 --check --fcu "$press" > "$tmp/out" 2>&1 && grep -q '2000 Hz, step 0.5 ms' "$tmp/out"
 verdict command_line_over_config $? "$(cat "$tmp/out")"
 
-"$gloved" --solver dantzig --check --fcu "$press" --lcm none > "$tmp/out" 2>&1 && grep -q '^solver  *dantzig' "$tmp/out"
+"$gloved" --solver dantzig --check --fcu "$press" --lcm none > "$tmp/out" 2>&1 && grep -q 'solver dantzig, narrow phase core' "$tmp/out"
 verdict check_says_the_solver $? "$(cat "$tmp/out")"
 for solver in newton dantzig quickstep; do
   "$gloved" --solver $solver --fcu 'sim:data/scripts/power_box.user?speed=0' --lcm none --duration 6 --summary "$tmp/solver.json" > /dev/null 2> "$tmp/err"
