@@ -3,10 +3,8 @@
 // glove and hand pose and their ages, step engine, safety machine and limiter, pack. Pure glue in the
 // real-time thread.
 //
-// Counters (modulo 256, one per id): 1 to 127 ahead is new, and the gap counts as lost; equal or 128 to
-// 255 ahead is doubled or overtaken by a newer frame, counts as late and is dropped, since time in the
-// simulation never runs backwards. A device that restarts would be dropped for up to 128 frames: after
-// GV_SESSION_RESYNC in a row its counter is taken as it is.
+// Counters (modulo 256, one per id): wire/stream.h. The frames of one period are taken in the order of their counters;
+// one that is older than what was used is dropped, since time in the simulation never runs backwards.
 #include "daemon/loop/session.h"
 
 #include <math.h>
@@ -43,20 +41,12 @@ int64_t gv_session_steps(const gv_session *session) {
 }
 
 // Whether a frame with this counter is new in its stream.
-static bool accept_counter(gv_frame_counters *frames, gv_stream *stream, uint8_t counter) {
-  uint8_t ahead = (uint8_t)(counter - stream->counter);
-  bool is_new = ahead >= 1 && ahead < 128;
-  if (stream->seen && !is_new && ++stream->refused_in_row < GV_SESSION_RESYNC) {
-    frames->late++;
-    frames->errors++;
-    return false;
-  }
-  if (stream->seen && is_new && ahead > 1) {
-    frames->lost += ahead - 1u;
-    frames->errors++;
-  }
-  *stream = (gv_stream){true, counter, 0};
-  return true;
+static bool accept_counter(gv_session *session, gv_stream *stream, uint8_t counter, int64_t now_ns) {
+  const gv_stream_verdict verdict = gv_stream_take(stream, counter, now_ns);
+  session->frames.lost += (uint64_t)(int64_t)verdict.lost;  // one less where a late frame takes its loss back
+  session->frames.errors += verdict.errors;
+  session->frames.late += verdict.is_new ? 0 : 1;
+  return verdict.is_new;
 }
 
 // A sample that is too old already counts as late (it still moves the simulated hand).
@@ -71,7 +61,7 @@ static gv_fcu_error take_glove(gv_session *session, const gv_frame *frame, int64
   gv_fcu_error error = gv_fcu_unpack_glove(frame, &msg);
   if (error) return error;
   if (!(msg.flags & GV_GLOVE_DEAD_MAN)) session->switch_open = true;
-  if (!accept_counter(&session->frames, &session->glove_stream, msg.counter)) return GV_FCU_OK;
+  if (!accept_counter(session, &session->glove_stream, msg.counter, now_ns)) return GV_FCU_OK;
   const bool other_hand = ((msg.flags & GV_GLOVE_LEFT) != 0) != (session->cfg.side == GV_LEFT);
   const bool sensor_fault = (msg.flags & GV_GLOVE_SENSOR_FAULT) != 0;
   session->glove_doubt = (other_hand ? GV_FAULT_OTHER_HAND : 0u) | (sensor_fault ? GV_FAULT_SENSOR : 0u);
@@ -89,7 +79,7 @@ static gv_fcu_error take_glove(gv_session *session, const gv_frame *frame, int64
 static gv_fcu_error take_pose(gv_session *session, const gv_frame *frame, int64_t now_ns) {
   gv_pose_msg msg;
   gv_fcu_error error = gv_fcu_unpack_pose(frame, &msg);
-  if (error || !accept_counter(&session->frames, &session->pose_stream, msg.counter)) return error;
+  if (error || !accept_counter(session, &session->pose_stream, msg.counter, now_ns)) return error;
   // Beyond 100 m the engine refuses the pose: taking it as fresh here would let a force go on from an old one.
   if (!(msg.flags & GV_POSE_VALID) || (msg.flags & GV_POSE_TRACKER_ERROR) || gv_norm(msg.T_world_receiver.p) > farthest_m) {
     if (msg.receiver == GV_RECEIVER_HAND) session->hand_source.doubt = true;
@@ -105,12 +95,12 @@ static gv_fcu_error take_pose(gv_session *session, const gv_frame *frame, int64_
   return GV_FCU_OK;
 }
 
-static gv_fcu_error take_status(gv_session *session, const gv_frame *frame) {
+static gv_fcu_error take_status(gv_session *session, const gv_frame *frame, int64_t now_ns) {
   gv_status_msg msg;
   gv_fcu_error error = gv_fcu_unpack_status(frame, &msg);
   if (error) return error;
   if (!(msg.flags & GV_STATUS_DEAD_MAN)) session->switch_open = true;
-  if (!accept_counter(&session->frames, &session->status_stream, msg.counter)) return GV_FCU_OK;
+  if (!accept_counter(session, &session->status_stream, msg.counter, now_ns)) return GV_FCU_OK;
   session->status = msg;
   gv_source_take(&session->status_source, frame->stamp_ns, msg.stamp_us, 0);
   return GV_FCU_OK;
@@ -122,13 +112,26 @@ static void take_frame(gv_session *session, const gv_frame *frame, int64_t now_n
   switch (frame->id) {
     case GV_ID_GLOVE: error = take_glove(session, frame, now_ns); break;
     case GV_ID_POSE: error = take_pose(session, frame, now_ns); break;
-    case GV_ID_STATUS: error = take_status(session, frame); break;
+    case GV_ID_STATUS: error = take_status(session, frame, now_ns); break;
     default: session->frames.foreign++;
   }
   if (error) {
     session->frames.bad++;
     session->frames.errors++;
   }
+}
+
+// All frames of a period, and what the gaps in their counters amount to.
+static void take_frames(gv_session *session, const gv_frame *frame, int count, int64_t now_ns) {
+  uint16_t order[GV_ORDER_MAX];
+  for (int first = 0; first < count; first += GV_ORDER_MAX) {
+    const int here = count - first < GV_ORDER_MAX ? count - first : GV_ORDER_MAX;
+    gv_stream_order(&frame[first], here, order);
+    for (int i = 0; i < here; i++) take_frame(session, &frame[first + order[i]], now_ns);
+  }
+  session->frames.errors += gv_stream_give_up(&session->glove_stream, now_ns);
+  session->frames.errors += gv_stream_give_up(&session->pose_stream, now_ns);
+  session->frames.errors += gv_stream_give_up(&session->status_stream, now_ns);
 }
 
 static void fill_sample(gv_session *session) {
@@ -232,7 +235,7 @@ void gv_session_compute(gv_session *session, int64_t now_ns, const gv_frame *fra
   session->pause_s = gv_engine_counters(session->engine)->steps ? (double)(now_ns - session->stepped_ns) * 1e-9 : 0.0;
   session->stepped_ns = now_ns;
   session->sample.glove_new = session->sample.pose_new = session->switch_open = false;
-  for (int i = 0; i < count; i++) take_frame(session, &frame[i], now_ns);
+  take_frames(session, frame, count, now_ns);
   fill_sample(session);
   update_ages(session, now_ns);
   gv_engine_step(session->engine, &session->sample, &session->result);

@@ -13,11 +13,12 @@
 #include "gloved/safety.h"
 #include "daemon/loop/request.h"
 #include "safety/source.h"
+#include "wire/stream.h"
 
 enum {
   GV_RECEIVER_HEAD = 1, GV_RECEIVER_HAND = 2, // POSE.receiver
   // An older counter is dropped; after so many in a row the device has restarted, and counting starts anew.
-  GV_SESSION_RESYNC = 16
+  GV_SESSION_RESYNC = GV_STREAM_RESYNC
 };
 
 // A device lets go when no command came for so long.
@@ -31,20 +32,17 @@ typedef struct gv_session_config {
   double command_s;  // between two commands, where they are sent more often than the engine steps; 0: period_s
 } gv_session_config;
 
-// Since the start; they never go back.
+// Since the start; none but `lost` ever goes back.
 typedef struct gv_frame_counters {
   uint64_t rx;       // frames taken from the driver
   uint64_t tx;       // commands handed to the driver
-  uint64_t lost;     // gaps in the counters, all ids together
+  uint64_t lost;     // gaps in the counters, all ids together; one that comes late after all takes its loss back
   uint64_t bad;      // wrong length, checksum or value: dropped
   uint64_t late;     // doubled or overtaken (older counter): dropped; and samples older than max_age_s on arrival
   uint64_t unusable; // sound frames without a measurement: sensor fault, other hand, tracker error
   uint64_t foreign;  // ids that are not ours
-  uint64_t errors;   // checksum and counter errors as events (a gap of any length is one): what the safety machine counts
+  uint64_t errors;   // as events, for the safety machine: broken frames, gaps that nobody filled in time, frames that repeat
 } gv_frame_counters;
-
-// Counter of one id on the wire.
-typedef struct gv_stream { bool seen; uint8_t counter; unsigned refused_in_row; } gv_stream;
 
 typedef struct gv_session {
   gv_session_config cfg;
