@@ -211,7 +211,7 @@ static void test_cannelloni_that_stalls_is_no_fault(void) {
   queue.count = 0;
   press_until_force();
   for (int i = 0; i < 20; i++) {
-    cannelloni_press(&queue, 20 + i % 3 * 10, true);
+    cannelloni_press(&queue, 20 + i % 3 * 4, true);
     cannelloni_press(&queue, 40, false);
   }
   CHECK(session.frames.late > 20, "only %d late: nothing was reversed", (int)session.frames.late);
