@@ -5,6 +5,9 @@ ifeq ($(origin CC),default)
 CC      := gcc
 endif
 OPT     ?= -O2
+# The one place of the version; the commit is added from git (a release's archive carries it in .commit).
+VERSION := 0.1.0
+COMMIT  := $(shell cat .commit 2>/dev/null || git describe --always --dirty=+ --exclude='*' 2>/dev/null || echo unknown)
 empty   :=
 space   := $(empty) $(empty)
 B       ?= build/$(notdir $(firstword $(CC)))$(subst $(space),,$(OPT))
@@ -232,6 +235,13 @@ $(B)/gen/.done: $(wildcard data/lcm/*.lcm) | build/.run-packages
 	@mkdir -p $(B)/gen
 	$(Q)$(if $(TYPES),lcm-gen -c --c-cpath $(B)/gen --c-hpath $(B)/gen data/lcm/*.lcm)
 	@touch $@
+# Written only when it changes, so that a new commit builds anew what says it, and nothing else.
+$(B)/gen/version.h: .FORCE
+	@mkdir -p $(@D)
+	@printf '#define GLOVED_VERSION "%s"\n#define GLOVED_COMMIT "%s"\n' '$(VERSION)' '$(COMMIT)' > $@.new
+	@if cmp -s $@.new $@; then rm $@.new; else mv $@.new $@; fi
+.FORCE:
+$(B)/src/base/version.o: $(B)/gen/version.h
 $(B)/gen/%.o: $(B)/gen/.done
 	$(Q)$(CC) -O2 -I$(B)/gen -c $(B)/gen/$*.c -o $@
 $(LIB): $(call OBJ,$(CORE) $(DAEMON) $(DRIVERS)) $(GEN_O)

@@ -13,8 +13,7 @@
 #include "daemon/tell/slow.h"
 #include "daemon/tell/summary.h"
 #include "daemon/world.h"
-
-#define GV_VERSION "0.1.0"
+#include "gloved/version.h"
 
 enum { OK = 0, FAULT = 1, BAD_INPUT = 2, ERROR_TEXT = 512, GIVE_UP_S = 2 };
 
@@ -250,7 +249,8 @@ int main(int argc, char **argv) {
     return BAD_INPUT;
   }
   if (p.options.help || p.options.version) {
-    fputs(p.options.help ? gv_options_help() : "gloved " GV_VERSION "\n", stdout);
+    if (p.options.help) fputs(gv_options_help(), stdout);
+    else printf("gloved %s\n", gv_version_text());
     return OK;
   }
   if (set_up(&p)) {

@@ -1,0 +1,10 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// Which gloved this is. Strings live for ever; any thread.
+#ifndef GLOVED_VERSION_H
+#define GLOVED_VERSION_H
+
+const char *gv_version(void);       // "0.1.0"
+const char *gv_commit(void);        // short hash of the commit, with + where the tree had changes, or "unknown"
+const char *gv_version_text(void);  // "0.1.0 (1a2b3c4)"
+
+#endif
