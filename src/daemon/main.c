@@ -8,6 +8,7 @@
 #include <string.h>
 #include <unistd.h>
 
+#include "daemon/doctor/doctor.h"
 #include "daemon/load/devices.h"
 #include "daemon/options.h"
 #include "daemon/tell/slow.h"
@@ -241,6 +242,16 @@ static void tear_down(program *p) {
   gv_world_close(&p->world);
 }
 
+// The machine alone: nothing is opened, so that it can be asked beside a running gloved.
+static int examine(program *p) {
+  if (gv_options_settings(&p->options, &p->settings, p->err, sizeof p->err)) {
+    fprintf(stderr, "gloved: %s\n", p->err);
+    return BAD_INPUT;
+  }
+  const gv_doctor doctor = {.root = "", .settings = &p->settings};
+  return (int)gv_doctor_report(&doctor, p->options.json, stdout);
+}
+
 int main(int argc, char **argv) {
   static program p;          // 4 MB
   int code = BAD_INPUT;
@@ -253,6 +264,7 @@ int main(int argc, char **argv) {
     else printf("gloved %s\n", gv_version_text());
     return OK;
   }
+  if (p.options.doctor) return examine(&p);
   if (set_up(&p)) {
     fprintf(stderr, "gloved: %s\n", p.err);
   } else if (p.options.check) {

@@ -67,6 +67,7 @@ int gv_options_parse(int argc, char **argv, gv_options *out, char *err, size_t e
     {"--summary", &out->summary, NULL, NULL, 0, 0}, {"--record", &out->record, NULL, NULL, 0, 0},
     {"--no-rt", NULL, NULL, &out->no_rt, 0, 0},
     {"--strict", NULL, NULL, &out->strict, 0, 0},
+    {"--doctor", NULL, NULL, &out->doctor, 0, 0},   {"--json", NULL, NULL, &out->json, 0, 0},
     {"--check", NULL, NULL, &out->check, 0, 0},     {"--help", NULL, NULL, &out->help, 0, 0},
     {"--version", NULL, NULL, &out->version, 0, 0},
   };
@@ -81,6 +82,10 @@ int gv_options_parse(int argc, char **argv, gv_options *out, char *err, size_t e
     }
     if (take_option(row, i + 1 < argc ? argv[i + 1] : NULL, &used, err, err_size)) return -1;
     i += used ? 1 : 0;
+  }
+  if (out->json && !out->doctor) {
+    snprintf(err, err_size, "--json is the form of --doctor's report; give both");
+    return -1;
   }
   return 0;
 }
@@ -160,6 +165,7 @@ const char *gv_options_help(void) {
     "  --summary FILE    write results and timing as JSON at exit\n"
     "  --strict          any system call of the real-time thread that it does not need ends the program (seccomp)\n"
     "  --no-rt           ordinary scheduling and memory\n"
+    "  --doctor [--json] judge this machine for these settings, with what mends it; exit code: 0 pass, 1 warn, 2 fail\n"
     "  --check           load and check everything, say what was found, and end\n"
     "  --help, --version\n"
     "\n"

@@ -72,10 +72,12 @@ refused lcm_provider bogus://x --fcu "$press" --lcm bogus://x
 refused lcm_port 99999 --fcu "$press" --lcm 'udpm://239.255.76.67:99999'
 refused log_place "$tmp/no/x.lcm" --fcu "$press" --lcm none --log "$tmp/no/x.lcm"
 refused record_place "$tmp/no/x.log" --fcu "$press" --lcm none --record "$tmp/no/x.log"
+refused json_alone --doctor --json
+refused sync_word '"glove"' --sync glove
 refused summary_place "$tmp/no/x.json" --fcu "$press" --lcm none --summary "$tmp/no/x.json"
 
 "$gloved" --help > "$tmp/help"; code=$?
-for option in --config --scene --fcu --tracker --rate --narrow --solver --duration --lcm --log --record --summary --no-rt --check --help --version; do
+for option in --config --scene --fcu --tracker --rate --narrow --solver --duration --lcm --log --record --summary --no-rt --strict --sync --doctor --json --check --help --version; do
   grep -q -e "$option" "$tmp/help" || code=1
 done
 verdict help_names_every_option $code "$(cat "$tmp/help")"
@@ -90,6 +92,19 @@ done
 "$gloved" --check --fcu "$press" --lcm none --summary "$tmp/check.json" > "$tmp/out" 2> "$tmp/err"; code=$?
 [ "$code" -eq 0 ] && [ ! -s "$tmp/err" ] && [ ! -e "$tmp/check.json" ] && grep -q 'box.scene; 2 objects' "$tmp/out" && ! grep -q steps "$tmp/out"
 verdict check_says_what_it_found $? "exit $code: $(cat "$tmp/out" "$tmp/err")"
+
+"$gloved" --doctor > "$tmp/out" 2> "$tmp/err"; words=$?
+"$gloved" --doctor --json > "$tmp/doctor.json" 2>> "$tmp/err"; code=$?
+python3 - "$tmp/doctor.json" "$code" <<'END' > "$tmp/why" 2>&1
+import json, sys
+report = json.load(open(sys.argv[1]))
+order = ["PASS", "WARN", "FAIL"]
+worst = max((c["verdict"] for c in report["checks"]), key=order.index)
+assert len(report["checks"]) >= 14 and report["worst"] == worst == order[int(sys.argv[2])], report
+assert all(c["found"] and bool(c["mend"]) == (c["verdict"] != "PASS") for c in report["checks"]), report
+END
+[ $? -eq 0 ] && [ "$words" -eq "$code" ] && [ ! -s "$tmp/err" ] && [ "$(grep -cE '^(PASS|WARN|FAIL) ' "$tmp/out")" -ge 14 ]
+verdict doctor_says_the_worst_in_its_exit_code $? "exit $words and $code: $(cat "$tmp/why" "$tmp/err" "$tmp/out")"
 
 printf 'version = 1;\nrate_hz = 500.0;\nlcm = "none";\n' > "$tmp/rate.conf"
 "$gloved" --config "$tmp/rate.conf" --check --fcu "$press" > "$tmp/out" 2>&1 && grep -q ' 500 Hz, step 2 ms' "$tmp/out"

@@ -6,6 +6,8 @@
 #include <inttypes.h>
 #include <math.h>
 
+#include "daemon/tell/json.h"
+
 static void put_number(FILE *out, double value) {
   if (isfinite(value)) fprintf(out, "%.17g", value);
   else fputs("null", out);
@@ -18,16 +20,6 @@ static void put_numbers(FILE *out, const double *value, int count) {
     put_number(out, value[i]);
   }
   fputc(']', out);
-}
-
-static void put_text(FILE *out, const char *text) {
-  fputc('"', out);
-  for (; *text; text++) {
-    if ((unsigned char)*text < 0x20) fprintf(out, "\\u%04x", (unsigned)*text);
-    else if (*text == '"' || *text == '\\') fprintf(out, "\\%c", *text);
-    else fputc(*text, out);
-  }
-  fputc('"', out);
 }
 
 static void put_quantiles(FILE *out, const char *key, const gv_histogram *histogram) {
@@ -81,7 +73,7 @@ static void put_objects(FILE *out, const gv_session *session, const gv_scene *sc
     const gv_object *object = &scene->object[i];
     const gv_pose T = gv_snapshot_object_pose(object, gv_engine_object_pose(session->engine, i));
     fputs(i ? ",\n    {\"name\": " : "\n    {\"name\": ", out);
-    put_text(out, object->name);
+    gv_json_text(out, object->name);
     fputs(", \"position\": ", out);
     put_numbers(out, &(const double[]){T.p.x, T.p.y, T.p.z}[0], 3);
     fputs(", \"quaternion\": ", out);
@@ -94,11 +86,11 @@ static void put_objects(FILE *out, const gv_session *session, const gv_scene *sc
 int gv_summary_json(const gv_summary *s, FILE *out) {
   const gv_session *session = s->loop->session;
   fputs("{\n  \"exit_reason\": ", out);
-  put_text(out, gv_exit_name(s->reason));
+  gv_json_text(out, gv_exit_name(s->reason));
   fputs(",\n  \"state\": ", out);
-  put_text(out, gv_safety_name(s->loop->state_before_stop));
+  gv_json_text(out, gv_safety_name(s->loop->state_before_stop));
   fputs(",\n  \"faults\": ", out);
-  put_text(out, gv_fault_text(session->faults_seen));
+  gv_json_text(out, gv_fault_text(session->faults_seen));
   fputs(",\n  \"period_s\": ", out);
   put_number(out, session->cfg.period_s);
   fputs(",\n", out);
