@@ -236,11 +236,11 @@ $(B)/gen/.done: $(wildcard data/lcm/*.lcm) | build/.run-packages
 	$(Q)$(if $(TYPES),lcm-gen -c --c-cpath $(B)/gen --c-hpath $(B)/gen data/lcm/*.lcm)
 	@touch $@
 # Written only when it changes, so that a new commit builds anew what says it, and nothing else.
-$(B)/gen/version.h: .FORCE
+$(B)/gen/version.h: FORCE
 	@mkdir -p $(@D)
 	@printf '#define GLOVED_VERSION "%s"\n#define GLOVED_COMMIT "%s"\n' '$(VERSION)' '$(COMMIT)' > $@.new
 	@if cmp -s $@.new $@; then rm $@.new; else mv $@.new $@; fi
-.FORCE:
+.PHONY: FORCE
 $(B)/src/base/version.o: $(B)/gen/version.h
 $(B)/gen/%.o: $(B)/gen/.done
 	$(Q)$(CC) -O2 -I$(B)/gen -c $(B)/gen/$*.c -o $@
