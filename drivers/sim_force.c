@@ -11,7 +11,7 @@
 #include <string.h>
 
 // A restarted engine counts from anywhere: after this long a counter behind the last is a new start.
-enum { RESTART_NS = 100000000 };
+enum { RESTART_NS = 100000000, SECOND_NS = 1000000000 };
 
 static double largest_rise(const double from[GV_FINGERS], const double to[GV_FINGERS]) {
   double rise = 0.0;
@@ -35,7 +35,20 @@ static bool above_max(const gv_sim *sim, const double tension_n[GV_FINGERS]) {
   return false;
 }
 
+// A machine that stands still makes a single drop; a sender that is too slow makes them again and again.
+static void count_drop(gv_sim *sim) {
+  if (sim->now_ns - sim->drops_since_ns >= SECOND_NS) {
+    sim->drops_since_ns = sim->now_ns;
+    sim->drops = 0;
+  }
+  sim->drops++;
+  sim->report.watchdog_drops++;
+  if (sim->drops > sim->report.drops_a_second) sim->report.drops_a_second = sim->drops;
+}
+
 static void accept_command(gv_sim *sim, const gv_command_msg *msg, const double tension_n[GV_FINGERS]) {
+  const bool flowing = sim->report.commands > 0 && sim->command_steps == 1 && sim->now_ns - sim->command_ns < RESTART_NS;
+  if (sim->watchdog && flowing) count_drop(sim);
   memcpy(sim->command_n, tension_n, sizeof sim->command_n);
   sim->command_ns = sim->now_ns;
   sim->command_flags = msg->flags;

@@ -8,7 +8,7 @@
 // --wait seconds, so that neither side has to be started first. --record writes every frame, sent and
 // received, as candump -L text; --forces a line for each millisecond of the device: what it heard and what its
 // tendons pull. --fault spoils device or link from a moment of the script on (fcusim/fault.h). Ends with the script (or --duration). Exit code: 0 done, 1 a command broke a
-// limit (maximum, slew, checksum), 2 bad usage or input. One thread: sleep to the next millisecond, receive,
+// limit (maximum, slew, checksum) or they came too slowly for the watchdog, 2 bad usage or input. One thread: sleep to the next millisecond, receive,
 // step, send. The simulated world takes one step a period: where the host stalls, it stalls with it.
 #include "gloved/drivers.h"
 #include "gloved/sim.h"
@@ -210,7 +210,11 @@ static void run(const options *o) {
   }
 }
 
-static bool limits_broken(const gv_sim_report *r) { return r->refused_frames || r->over_max || r->over_slew; }
+// Where commands flow so slowly that the watchdog trips between them, a finger is pulled and let go all the time. A
+// few drops in a second are a machine that stood still.
+enum { DROPS_A_SECOND = 5 };
+static bool too_slow(const gv_sim_report *r) { return r->drops_a_second > DROPS_A_SECOND; }
+static bool limits_broken(const gv_sim_report *r) { return r->refused_frames || r->over_max || r->over_slew || too_slow(r); }
 
 static void print_summary(const gv_sim_report *r, const gv_driver_stats *link) {
   const double *t = r->tension_max_n;
@@ -220,8 +224,9 @@ static void print_summary(const gv_sim_report *r, const gv_driver_stats *link) {
          r->refused_frames, r->over_max, r->over_slew, link->bad);
   printf("fcusim: largest tensions %.2f %.2f %.2f %.2f %.2f N, fastest rise %.0f N/s, joints held back up to %.1f degrees; ",
          t[0], t[1], t[2], t[3], t[4], r->slew_max_n_per_s, r->deviation_max_rad * (180.0 / GV_PI));
-  printf("watchdog let go %" PRIu64 " times, at most %.1f ms after the last command; host stalled for %" PRIu64 " periods\n",
-         r->watchdog_trips, 1e3 * r->zero_after_s, all.stalls);
+  printf("watchdog let go %" PRIu64 " times (%" PRIu64 " while commands flowed), at most %.1f ms after the last command; host "
+         "stalled for %" PRIu64 " periods\n", r->watchdog_trips, r->watchdog_drops, 1e3 * r->zero_after_s, all.stalls);
+  if (too_slow(r)) printf("fcusim: commands too far apart: the watchdog let go up to %u times in a second\n", r->drops_a_second);
 }
 
 static int write_report(const char *path, const gv_sim_report *r, const gv_driver_stats *link) {
@@ -234,7 +239,8 @@ static int write_report(const char *path, const gv_sim_report *r, const gv_drive
   const struct { const char *name; uint64_t value; } count[] = {
     {"sent", r->sent}, {"lost", r->lost}, {"late", r->late}, {"commands", r->commands}, {"counter_gaps", r->counter_gaps},
     {"repeated", r->repeated}, {"refused_frames", r->refused_frames}, {"over_max", r->over_max}, {"over_slew", r->over_slew},
-    {"foreign", r->foreign}, {"bad_datagrams", link->bad}, {"watchdog_trips", r->watchdog_trips}, {"stalled_periods", all.stalls}};
+    {"foreign", r->foreign}, {"bad_datagrams", link->bad}, {"watchdog_trips", r->watchdog_trips},
+    {"watchdog_drops", r->watchdog_drops}, {"drops_a_second", r->drops_a_second}, {"stalled_periods", all.stalls}};
   fprintf(file, "{\n");
   for (size_t i = 0; i < sizeof count / sizeof count[0]; i++) fprintf(file, "  \"%s\": %" PRIu64 ",\n", count[i].name, count[i].value);
   fprintf(file, "  \"tension_max_n\": [%.4f, %.4f, %.4f, %.4f, %.4f],\n", t[0], t[1], t[2], t[3], t[4]);

@@ -53,7 +53,9 @@ typedef struct gv_status_msg {
 // 12 bits each in 0.003 N, channel i at bit 64 + 12 i | 16-17 age of that sample in 10 us |
 // 18-19 GLOVE, POSE and STATUS frames that the engine has taken so far, modulo 65536: with it a log of the bus tells
 // which step took which frame (gloved-trace align), and a device how many of its frames arrive
-enum { GV_COMMAND_ENABLE = 1, GV_COMMAND_ENDING = 2 }; // ending: the engine stops stepping and ramps to zero
+// Ending: the engine stops stepping and ramps to zero. Repeat: no step of the engine is behind this command; it keeps the
+// device's watchdog content between steps that are far apart, and goes on towards the last step's forces.
+enum { GV_COMMAND_ENABLE = 1, GV_COMMAND_ENDING = 2, GV_COMMAND_REPEAT = 4 };
 typedef struct gv_command_msg {
   uint8_t counter, flags;
   uint32_t sample_stamp_us, age_us;

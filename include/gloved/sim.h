@@ -107,6 +107,8 @@ typedef struct gv_sim_report {
   uint64_t over_max, over_slew; // refused: a force beyond the limit, or rising too fast
   uint64_t foreign;          // other ids
   uint64_t watchdog_trips;   // times the force went to zero because commands stayed away
+  uint64_t watchdog_drops;   // of these, while commands flow: the next one came within 0.1 s, and none was lost before it
+  unsigned drops_a_second;   // the most of them within one second
   uint64_t sent, lost, late; // frames of ours
   double tension_max_n[GV_FINGERS]; // largest accepted
   double slew_max_n_per_s;   // fastest rise of all commands, refused ones too
@@ -139,6 +141,8 @@ typedef struct gv_sim {
   double command_n[GV_FINGERS]; // of the last good command
   int64_t command_ns;        // its time
   int command_steps;         // counter steps since then
+  int64_t drops_since_ns;    // the second in which drops are counted now
+  unsigned drops;
   uint8_t command_counter, command_flags;
   bool command_seen, watchdog, status_due;
   // frames on their way out

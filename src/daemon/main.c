@@ -132,13 +132,19 @@ static int set_up(program *p) {
 
 static void start_loop(program *p) {
   const gv_settings *settings = &p->settings;
-  const gv_session_config session = {.limiter = settings->limiter, .safety = settings->safety,
-                                     .side = settings->engine.hand.side, .period_s = 1.0 / settings->rate_hz};
+  const int64_t period_ns = (int64_t)(1e9 / settings->rate_hz + 0.5);
+  const gv_session_config session = {
+    .limiter = settings->limiter,
+    .safety = settings->safety,
+    .side = settings->engine.hand.side,
+    .period_s = 1.0 / settings->rate_hz,
+    .command_s = 1.0 / settings->rate_hz / gv_loop_commands(period_ns),
+  };
   const gv_realtime_config none = {.cpu = GV_CPU_ANY};
   const gv_realtime_config realtime = {.priority = settings->rt_priority, .lock_memory = settings->mlock,
                                        .stay_awake = settings->cpu_dma_latency, .cpu = settings->cpu};
   const gv_loop_config loop = {
-    .period_ns = (int64_t)(1e9 / settings->rate_hz + 0.5),
+    .period_ns = period_ns,
     .periods_max = (int64_t)(p->options.duration_s * settings->rate_hz + 0.5),
     .pace = p->pace,
     .alarm_s = GIVE_UP_S,

@@ -158,7 +158,7 @@ gv_fcu_error gv_fcu_unpack_status(const gv_frame *frame, gv_status_msg *out) {
 
 // Tensions round down (up to a millionth of a count), so that a limit is never passed by half a count.
 void gv_fcu_pack_command(const gv_command_msg *msg, gv_frame *out) {
-  start_frame(out, GV_ID_FORCE_COMMAND, COMMAND_BYTES, msg->counter, msg->flags & 3);
+  start_frame(out, GV_ID_FORCE_COMMAND, COMMAND_BYTES, msg->counter, msg->flags & 7);
   put_u32(out->data + 4, msg->sample_stamp_us);
   for (int i = 0; i < GV_FINGERS; i++)
     put_12(out->data, COMMAND_BIT + FIELD_BITS * i, to_tension(msg->tension_n[i], 1e-6));
@@ -171,7 +171,7 @@ gv_fcu_error gv_fcu_unpack_command(const gv_frame *frame, gv_command_msg *out) {
   gv_fcu_error error = check_frame(frame, GV_ID_FORCE_COMMAND, COMMAND_BYTES);
   if (error) return error;
   const uint8_t *d = frame->data;
-  if (d[1] & ~3 || d[15] & 0xf0) return GV_FCU_WRONG_VALUE;
+  if (d[1] & ~7 || d[15] & 0xf0) return GV_FCU_WRONG_VALUE;
   *out = (gv_command_msg){.counter = d[0], .flags = d[1], .sample_stamp_us = get_u32(d + 4),
                           .age_us = 10u * get_u16(d + 16), .frames_taken = get_u16(d + 18)};
   for (int i = 0; i < GV_FINGERS; i++) out->tension_n[i] = get_12(d, COMMAND_BIT + FIELD_BITS * i) * GV_TENSION_LSB_N;

@@ -6,34 +6,18 @@ import csv
 import json
 import os
 import signal
-import socket
 import subprocess
 import sys
 import tempfile
 import time
 
+sys.path.insert(0, "test/support")
+from press import SCRIPT, free_ports
+
 B = os.environ["B"]
 WATCHDOG_S, AGE_S, FROZEN_S, ENGINE_S = 0.005, 0.05, 0.1, 0.02  # the limits that are asserted
 SLEW_N_PER_S, MAX_N, COUNT_N = 400.0, 12.0, 0.003
 FAULT_S = 0.8
-SCRIPT = """posture flat  thumb_abduction 40
-posture press like flat  index_mpj 60
-at 0.0 posture flat wrist -0.3 0 0.06 0 0 0 dead_man off
-at 0.1 dead_man on
-at 0.6 posture press
-at 0.8
-at 1.1 index_mpj 75
-end """
-
-
-def free_ports():
-    sockets = [socket.socket(socket.AF_INET, socket.SOCK_DGRAM) for _ in range(2)]
-    for s in sockets:
-        s.bind(("127.0.0.1", 0))
-    ports = [s.getsockname()[1] for s in sockets]
-    for s in sockets:
-        s.close()
-    return ports
 
 
 class Run:

@@ -29,7 +29,7 @@ SENSORS = ["".join(part.capitalize() for part in name.split("_")) for name in pi
 TENSIONS = ["Tension" + finger.capitalize() for finger in pipe(["fingers"])[0].split()]
 # Per message: identifier, bytes, flag signals from bit 8, the other signals in the order of the C struct.
 MESSAGES = {
-    "command": (0x090, 20, ["Enable", "Ending"], ["Counter", "Flags", "SampleStamp", "SampleAge"] + TENSIONS + ["FramesTaken"]),
+    "command": (0x090, 20, ["Enable", "Ending", "Repeat"], ["Counter", "Flags", "SampleStamp", "SampleAge"] + TENSIONS + ["FramesTaken"]),
     "status": (0x0A0, 20, ["DeadMan", "Watchdog", "Fault"],
                ["Counter", "Flags", "Stamp", "CommandCounter", "Mode"] + TENSIONS + ["BadCommands"]),
     "glove": (0x110, 48, ["DeadMan", "LeftHand", "SensorFault"], ["Counter", "Flags", "Stamp", "Age"] + SENSORS),

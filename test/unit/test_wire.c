@@ -100,7 +100,7 @@ static void test_out_of_range_is_clamped(void) {
   CHECK(c2.tension_n[0] == 0 && c2.tension_n[1] == 0 && c2.tension_n[2] == 0, "no force from doubt");
   CHECK_NEAR(c2.tension_n[3], 12.285, 1e-12);
   CHECK(c2.tension_n[4] <= 5.0 && c2.tension_n[4] > 4.9969, "a command rounds down: %g", c2.tension_n[4]);
-  CHECK(c2.age_us == 655350 && c2.flags == 3, "age %u flags %u", c2.age_us, c2.flags);
+  CHECK(c2.age_us == 655350 && c2.flags == 7, "age %u flags %u", c2.age_us, c2.flags);
   gv_glove_msg g = {.age_us = 11}, g2;
   for (int i = 0; i < GV_SENSORS; i++) g.raw[i] = 60000;
   gv_fcu_pack_glove(&g, &f);
@@ -134,7 +134,7 @@ static void test_refusals(void) {
   f = good, f.flags |= GV_FRAME_EXTENDED; CHECK(gv_fcu_unpack_command(&f, &c) == GV_FCU_WRONG_ID, "extended");
   f = good, f.len = 16; CHECK(gv_fcu_unpack_command(&f, &c) == GV_FCU_WRONG_LENGTH, "short");
   f = good, f.flags = 0; CHECK(gv_fcu_unpack_command(&f, &c) == GV_FCU_WRONG_LENGTH, "not FD");
-  f = good, change_byte(&f, 1, 4); CHECK(gv_fcu_unpack_command(&f, &c) == GV_FCU_WRONG_VALUE, "unknown flag");
+  f = good, change_byte(&f, 1, 8); CHECK(gv_fcu_unpack_command(&f, &c) == GV_FCU_WRONG_VALUE, "unknown flag");
   f = good, change_byte(&f, 15, 0xf0); CHECK(gv_fcu_unpack_command(&f, &c) == GV_FCU_WRONG_VALUE, "reserved bits");
   gv_fcu_pack_pose(&p, &good);
   f = good, change_byte(&f, 10, 0); CHECK(gv_fcu_unpack_pose(&f, &p2) == GV_FCU_WRONG_VALUE, "receiver 0");

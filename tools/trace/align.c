@@ -49,7 +49,7 @@ static void add_device(align *a, const gv_frame *frame) {
   a->device_count++;
 }
 
-// Counters are unwrapped against the command before; the ramp to zero at the end makes no steps.
+// Counters are unwrapped against the command before; the ramp to zero at the end makes no steps, nor does a repeat.
 static void add_command(align *a, const gv_frame *frame) {
   gv_command_msg msg;
   if (gv_fcu_unpack_command(frame, &msg) != GV_FCU_OK) return;
@@ -59,7 +59,7 @@ static void add_command(align *a, const gv_frame *frame) {
   const uint16_t taken = (uint16_t)(msg.frames_taken - (last ? (uint16_t)last->taken : 0));
   a->command[a->command_count++] = (command){
     .frame = *frame, .before = a->device_count, .taken = (last ? last->taken : 0) + taken, .stamp_us = msg.sample_stamp_us,
-    .step = (last ? last->step : 0) + (msg.flags & GV_COMMAND_ENDING ? 0 : steps)};
+    .step = (last ? last->step : 0) + (msg.flags & (GV_COMMAND_ENDING | GV_COMMAND_REPEAT) ? 0 : steps)};
 }
 
 static int load(align *a, const char *path) {

@@ -25,6 +25,11 @@ enum {
   REPORT_OVERRUN = 31
 };
 
+int gv_loop_commands(int64_t period_ns) {
+  const int64_t every_ns = 1000000;
+  return period_ns <= 2 * every_ns ? 1 : (int)((period_ns + every_ns - 1) / every_ns);
+}
+
 int64_t gv_loop_periods_to_skip(int64_t late_ns, int64_t period_ns) {
   return late_ns <= 0 ? 0 : (late_ns + period_ns - 1) / period_ns;
 }
@@ -64,7 +69,7 @@ static void add_relaxed(_Atomic uint64_t *counter, uint64_t amount) {
 static void wait_for_space(const gv_loop *loop) {
   while (gv_ring_space(&loop->snapshots) < 1 || gv_ring_space(&loop->records) < RECORDS_A_STEP ||
          gv_ring_space(&loop->steps) < STEP_RECORDS_A_STEP ||
-         gv_ring_space(&loop->frames) < GV_LOOP_FRAMES + 1)
+         gv_ring_space(&loop->frames) < GV_LOOP_FRAMES + (unsigned)loop->commands)
     sleep_until(clock_ns(CLOCK_MONOTONIC) + 200000);
 }
 
@@ -105,12 +110,12 @@ static void report_events(gv_loop *loop) {
 }
 
 // Where the slow thread is more than 3 s behind, the rest is dropped and counted.
-static void record_frames(gv_loop *loop, const gv_frame *frame, int count) {
+static void record_frames(gv_loop *loop, const gv_frame *frame, int count, int64_t stamp_ns) {
   for (int i = 0; loop->cfg.record && i < count; i++) {
     gv_frame *recorded = gv_ring_reserve(&loop->frames);
     if (!recorded) continue;
     *recorded = frame[i];
-    recorded->stamp_ns = loop->step_ns;
+    recorded->stamp_ns = stamp_ns;
     gv_ring_commit(&loop->frames);
   }
 }
@@ -185,19 +190,59 @@ static void sleep_on_descriptor(const gv_loop *loop, int64_t until_ns) {
   if (rest_ns > 0) ppoll(&wait, 1, &rest, NULL);
 }
 
+// ---- commands between steps ------------------------------------------------------------------------------
+
+static void send_command(gv_loop *loop, int64_t stamp_ns) {
+  const int64_t now_ns = clock_ns(CLOCK_MONOTONIC);
+  gv_frame command;
+  gv_session_command(loop->session, loop->cfg.pace == GV_PACE_LIVE ? now_ns : loop->now_ns, &command);
+  loop->driver->send(loop->driver->self, &command, 1);
+  loop->sent_ns = now_ns;
+  record_frames(loop, &command, 1, stamp_ns);
+}
+
+static int64_t command_ns(const gv_loop *loop) { return loop->cfg.period_ns / loop->commands; }
+
+// The device hears of the last step again. Frames that came are kept for the step that is due; a simulated device
+// lives by being asked for them. In a recording a repeat lies before the next step, whenever that really was.
+static void repeat_command(gv_loop *loop) {
+  const int64_t latest_ns = loop->cfg.period_ns - 2000, planned_ns = ++loop->repeats * command_ns(loop);
+  const int64_t stamp_ns = loop->step_ns + (planned_ns < latest_ns ? planned_ns : latest_ns);
+  loop->now_ns = loop->cfg.pace == GV_PACE_LIVE ? clock_ns(CLOCK_MONOTONIC) : stamp_ns;
+  take_frames(loop, loop->now_ns);
+  send_command(loop, stamp_ns);
+}
+
+// The repeats before the step that is due. A replay has as many after every step; a live loop sends the next one
+// command_ns after the last, whatever held that up.
+static void repeat_until(gv_loop *loop, int64_t due_ns) {
+  const int64_t every_ns = command_ns(loop);
+  while (loop->cfg.pace == GV_PACE_LIVE && loop->commands > 1 && loop->sent_ns + every_ns <= due_ns - every_ns / 2) {
+    sleep_until(loop->sent_ns + every_ns);
+    repeat_command(loop);
+  }
+  while (loop->cfg.pace != GV_PACE_LIVE && loop->repeats + 1 < loop->commands) {
+    if (loop->cfg.pace == GV_PACE_PACED) sleep_until(due_ns - loop->cfg.period_ns + (loop->repeats + 1) * every_ns);
+    repeat_command(loop);
+  }
+}
+
 // --sync device: sleeps until the glove's frame opens the step that is due, or until its window closes. Frames are
-// taken on the way. *io_due_ns follows the frame; returns when the step should have begun.
+// taken on the way, and commands repeated. *io_due_ns follows the frame; returns when the step should have begun.
 static int64_t wait_for_device(gv_loop *loop, int64_t *io_due_ns) {
   const int64_t opens_ns = gv_sync_opens_ns(&loop->sync, *io_due_ns), closes_ns = gv_sync_closes_ns(&loop->sync, *io_due_ns);
   int64_t frame_ns = INT64_MIN, now_ns = clock_ns(CLOCK_MONOTONIC);
   for (int looks = 0; frame_ns < opens_ns && now_ns < closes_ns; looks++) {
-    if (looks < LOOKS_A_PERIOD) sleep_on_descriptor(loop, closes_ns);
-    else sleep_until(closes_ns);
+    const int64_t repeat_ns = loop->commands > 1 ? loop->sent_ns + command_ns(loop) : INT64_MAX;
+    const int64_t until_ns = repeat_ns < closes_ns ? repeat_ns : closes_ns;
+    if (looks < LOOKS_A_PERIOD) sleep_on_descriptor(loop, until_ns);
+    else sleep_until(until_ns);
     const int before = loop->frame_count;
     now_ns = clock_ns(CLOCK_MONOTONIC);
     take_frames(loop, now_ns);
     const gv_frame *glove = glove_among(loop, before);
     if (glove) frame_ns = glove->stamp_ns;
+    if (frame_ns < opens_ns && now_ns >= repeat_ns) repeat_command(loop);
   }
   const bool on_frame = frame_ns >= opens_ns;
   add_relaxed(on_frame ? &loop->on_frame : &loop->on_clock, 1);
@@ -248,13 +293,13 @@ static void ramp_down(gv_loop *loop) {
   gv_frame command;
   loop->state_before_stop = loop->session->safety.state;
   loop->faults_before_stop = loop->session->safety.faults;
-  for (int zeros = 0; zeros < FINAL_ZERO_COMMANDS;) {
-    loop->now_ns += loop->cfg.period_ns;
-    loop->number++;
+  for (int zeros = 0, sent = 0; zeros < FINAL_ZERO_COMMANDS; sent++) {
+    loop->now_ns += command_ns(loop);
+    loop->number += sent % loop->commands == 0;
     zeros += gv_session_stop(loop->session, loop->now_ns, &command) ? 1 : 0;
     loop->driver->send(loop->driver->self, &command, 1);
-    record_frames(loop, &command, 1);
-    deadline_ns += loop->cfg.period_ns;
+    record_frames(loop, &command, 1, loop->step_ns);
+    deadline_ns += command_ns(loop);
     if (loop->cfg.pace != GV_PACE_FREE) sleep_until(deadline_ns);
   }
 }
@@ -267,16 +312,16 @@ static void add_times(gv_loop *loop, const int64_t t[GV_STAGES + 1]) {
 
 static gv_exit run(gv_loop *loop) {
   const gv_pace pace = loop->cfg.pace;
-  const gv_driver *driver = loop->driver;
   int64_t deadline_ns = clock_ns(CLOCK_MONOTONIC) + loop->cfg.period_ns;
   gv_exit reason;
-  gv_frame command;
+  loop->frame_count = 0;
+  loop->sent_ns = INT64_MAX / 2;  // nothing to repeat before the first step
   for (bool first = true; (reason = why_to_end(loop)) == GV_EXIT_RUNNING; first = false, loop->number++) {
     int64_t wake_ns = deadline_ns;
-    loop->frame_count = 0;
     if (pace == GV_PACE_FREE) wait_for_space(loop);
-    else if (loop->cfg.sync_device) wake_ns = wait_for_device(loop, &deadline_ns);
-    else sleep_until(deadline_ns);
+    if (!first && !loop->cfg.sync_device) repeat_until(loop, deadline_ns);
+    if (loop->cfg.sync_device) wake_ns = wait_for_device(loop, &deadline_ns);
+    else if (pace != GV_PACE_FREE) sleep_until(deadline_ns);
     const int64_t start_ns = clock_ns(CLOCK_MONOTONIC);
     loop->step_ns = loop->number * loop->cfg.period_ns;
     loop->now_ns = pace == GV_PACE_LIVE ? start_ns : loop->step_ns;
@@ -285,18 +330,19 @@ static gv_exit run(gv_loop *loop) {
     obey_requests(loop);
     // In virtual time nothing is late, and a simulated user must not feel the host's load.
     const unsigned overruns = pace == GV_PACE_LIVE ? loop->overruns_now : 0;
-    gv_session_step(loop->session, loop->now_ns, loop->frame, loop->frame_count, overruns, &command);
+    gv_session_compute(loop->session, loop->now_ns, loop->frame, loop->frame_count, overruns);
     const int64_t computed_ns = clock_ns(CLOCK_MONOTONIC);
-    driver->send(driver->self, &command, 1);
+    record_frames(loop, loop->frame, loop->frame_count, loop->step_ns);
+    loop->repeats = 0;
+    send_command(loop, loop->step_ns);
     const int64_t sent_ns = clock_ns(CLOCK_MONOTONIC);
-    record_frames(loop, loop->frame, loop->frame_count);
-    record_frames(loop, &command, 1);
     tell(loop, loop->number);
     if (first) watch_faults(loop);
     const int64_t done_ns = clock_ns(CLOCK_MONOTONIC);
     add_times(loop, (const int64_t[]){start_ns, polled_ns, computed_ns, sent_ns, done_ns});
     if (atomic_load_explicit(&loop->trace, memory_order_relaxed))
       push_steps(loop, pace == GV_PACE_FREE ? 0 : start_ns - wake_ns, done_ns - start_ns);
+    loop->frame_count = 0;
     if (pace == GV_PACE_FREE) continue;
     gv_histogram_add(&loop->wake, start_ns - wake_ns);
     deadline_ns = next_deadline(loop, deadline_ns, done_ns);
@@ -328,6 +374,7 @@ void gv_loop_init(gv_loop *loop, const gv_loop_config *cfg, gv_session *session,
   loop->session = session;
   loop->driver = driver;
   loop->sync.period_ns = cfg->period_ns;
+  loop->commands = gv_loop_commands(cfg->period_ns);
   loop->object_count = object_count;
   loop->stop = stop;
   loop->state_reported = session->safety.state;

@@ -82,7 +82,10 @@ typedef struct gv_loop {
   unsigned refusals_before;          // of the process, before the thread started
   unsigned overruns_now;             // periods skipped just before this step
   int64_t wall_us;                   // us since 1970 when session time was 0
-  int64_t now_ns;                    // session time of this step
+  int commands;                      // a period (gv_loop_commands)
+  int64_t repeats;                   // of the command since the last step
+  int64_t sent_ns;                   // CLOCK_MONOTONIC of the last command
+  int64_t now_ns;                    // session time of this step or repeat
   int64_t step_ns;                   // its number x period
   uint32_t events;                   // engine events since the last snapshot
   gv_safety_state state_reported;
@@ -109,6 +112,8 @@ bool gv_loop_running(const gv_loop *loop);
 void gv_loop_join(gv_loop *loop);
 const char *gv_exit_name(gv_exit reason);  // "end of input", "duration", "signal", "fault", "scene", "refused"
 
+// Commands that a period of this length takes: one every millisecond where periods are 2 ms and longer, else one.
+int gv_loop_commands(int64_t period_ns);
 // Whole periods to skip so that a deadline that was missed by late_ns lies ahead again; 0 when not late.
 int64_t gv_loop_periods_to_skip(int64_t late_ns, int64_t period_ns);
 

@@ -203,7 +203,9 @@ static void send_force(gv_session *session, const double desired_n[GV_FINGERS], 
   // While a fault ramps down the device stays enabled: switching off at full force would be a jerk.
   const int enable = enabled || largest(session->force_n) > 0.0 ? GV_COMMAND_ENABLE : 0;
   const int ending = session->safety.state == GV_SAFETY_STOPPED ? GV_COMMAND_ENDING : 0;
-  *msg = (gv_command_msg){.counter = session->command_counter++, .flags = (uint8_t)(enable | ending),
+  const int repeat = session->told && !ending ? GV_COMMAND_REPEAT : 0;
+  session->told = true;
+  *msg = (gv_command_msg){.counter = session->command_counter++, .flags = (uint8_t)(enable | ending | repeat),
                           .sample_stamp_us = session->glove.stamp_us, .age_us = age_us(session->glove_age_s),
                           .frames_taken = (uint16_t)(session->frames.rx - session->frames.foreign)};
   memcpy(msg->tension_n, session->force_n, sizeof msg->tension_n);
@@ -234,7 +236,7 @@ void gv_session_compute(gv_session *session, int64_t now_ns, const gv_frame *fra
   const uint64_t errors_before = session->frames.errors;
   session->pause_s = gv_engine_counters(session->engine)->steps ? (double)(now_ns - session->stepped_ns) * 1e-9 : 0.0;
   session->stepped_ns = now_ns;
-  session->sample.glove_new = session->sample.pose_new = session->switch_open = false;
+  session->sample.glove_new = session->sample.pose_new = session->switch_open = session->told = false;
   take_frames(session, frame, count, now_ns);
   fill_sample(session);
   update_ages(session, now_ns);

@@ -74,6 +74,7 @@ typedef struct gv_session {
   uint32_t faults_seen;    // every gv_fault bit so far
   gv_coupling limb_configured, palm_configured;
   uint8_t command_counter;
+  bool told;               // a command went out for the last step: the next one repeats it
   gv_command_msg command;  // last one sent
 } gv_session;
 
