@@ -44,6 +44,8 @@ typedef struct gv_config {
                                // back until a second sample agrees; 0: off
   double gate_m_s;             // the same for the tracker's position (its orientation goes by gate_rad_s)
   double prediction_s;         // extrapolate the filtered hand by this much along its velocity; 0: off, as without the filter
+  double operations_per_s;     // counted operations of collision detection that this machine does in a second: the process
+                               // measures it at start, a replay takes the default, so that it does not depend on the machine
   // contact
   gv_narrow narrow;            // which narrow phase finds distances and depths
   gv_friction friction;        // of the hand's skin
@@ -82,9 +84,10 @@ typedef enum gv_event {          // bits of gv_step_result.events
   GV_EVENT_HAND_PLACED = 1 << 0, // first sample: the limbs were put onto the driver frames
   GV_EVENT_SAMPLE_REFUSED = 1 << 1, // not finite, no unit quaternion, or a jump: held back
   GV_EVENT_CONTACTS_DROPPED = 1 << 2, // more than GV_MAX_CONTACTS: the shallowest left out
-  GV_EVENT_PAIRS_DROPPED = 1 << 3,
+  GV_EVENT_PAIRS_DROPPED = 1 << 3, // more than GV_MAX_PAIRS: the last of the list left out
   GV_EVENT_BODY_RESET = 1 << 4,  // a body's state was not finite or ran away: put back, velocity zero
   GV_EVENT_OVERLAP = 1 << 5,     // cores overlapped (penetration beyond the radius)
+  GV_EVENT_PAIRS_LEFT_OVER = 1 << 7, // collision detection was over its budget: the least urgent pairs not asked
   GV_EVENT_QUICKSTEP = 1 << 6    // quickstep did a step that another solver was asked for
 } gv_event;
 
@@ -109,7 +112,9 @@ typedef struct gv_counters {
   uint64_t steps, samples,
     samples_refused,           // joints and poses held back or refused: jumps, not finite
     angles_limited,            // joint readings beyond the anatomy by more than 0.05 rad, held at its limit
-    contacts_dropped, pairs_dropped, body_resets, overlaps,
+    contacts_dropped, pairs_dropped,
+    pairs_left_over,           // that the step's budget did not reach, shallow ones of objects first
+    body_resets, overlaps,
     newton_steps, dantzig_steps, quickstep_steps, // steps with contacts, by the solver that did them
     newton_lagged,             // of newton_steps: friction was bounded by the normal forces of an earlier iteration
     unsolved_steps,            // with contacts that no solver could do: the bodies in contact stood still

@@ -33,6 +33,8 @@ typedef struct gv_pair_cache {
   uint16_t vertex_a, vertex_b; // last support vertices (hill climbing); of a segment or box its signs, bit by bit
   uint16_t corner_a[3], corner_b[3], corners; // vertices whose differences carried the nearest point; 0: none
   uint16_t overlap;       // 1: the cores overlapped, the corners are those of the side
+  uint16_t operations;    // of the last answer, for the next step's budget; 0: none yet
+  float urgency_m;        // the last answer's depth, and what may have come since (collision/queue.c)
 } gv_pair_cache;
 
 // How the distance was found. shift: libccd's way to a depth. beyond: farther apart than was asked for.
@@ -46,6 +48,7 @@ typedef struct gv_distance {
   gv_vec3 on_a, on_b;     // witness points: on the surfaces (radii included), world; on_a - on_b = distance * normal
   gv_distance_method method;
   int iterations;         // of GJK and of the search for the depth together
+  int operations;         // counted work: about 10 instructions each (`make instructions` compares)
 } gv_distance;
 
 // Did the cores overlap, so that the depth had to be searched for?

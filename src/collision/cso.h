@@ -21,6 +21,7 @@ typedef struct gv_cso {
   gv_core a, b;
   gv_quat q_world_b;
   gv_pair_cache *cache;   // start vertices
+  int *operations;        // counted up: vertices and faces looked at, and the like
 } gv_cso;
 
 typedef struct gv_cso_point {
@@ -40,9 +41,9 @@ typedef struct gv_epa_result {
 void gv_core_place(const gv_shape *shape, gv_pose T_b_shape, gv_core *out);
 void gv_core_in_place(const gv_shape *shape, gv_core *out);  // B itself
 // The core's vertex farthest along d, and how far that is in the shape's own frame.
-gv_vec3 gv_core_support(const gv_core *core, gv_vec3 d, uint16_t *hint);
-double gv_core_height(const gv_shape *shape, gv_vec3 d, uint16_t *hint);
-int gv_hull_support(const gv_hull *hull, gv_vec3 d, int start);
+gv_vec3 gv_core_support(const gv_core *core, gv_vec3 d, uint16_t *hint, int *io_operations);
+double gv_core_height(const gv_shape *shape, gv_vec3 d, uint16_t *hint, int *io_operations);
+int gv_hull_support(const gv_hull *hull, gv_vec3 d, int start, int *io_operations);
 
 // A vertex by its number (of a segment or box: bit k is the sign along axis k).
 static inline gv_vec3 gv_core_vertex(const gv_core *core, unsigned vertex) {
@@ -61,8 +62,8 @@ static inline bool gv_core_is_point(const gv_core *core) {  // a ball
 }
 
 static inline gv_cso_point gv_cso_support(const gv_cso *cso, gv_vec3 n) {
-  gv_vec3 b = gv_core_support(&cso->b, n, &cso->cache->vertex_b);
-  gv_vec3 a = gv_core_support(&cso->a, gv_neg(n), &cso->cache->vertex_a);
+  gv_vec3 b = gv_core_support(&cso->b, n, &cso->cache->vertex_b, cso->operations);
+  gv_vec3 a = gv_core_support(&cso->a, gv_neg(n), &cso->cache->vertex_a, cso->operations);
   return (gv_cso_point){gv_sub(b, a), a, cso->cache->vertex_a, cso->cache->vertex_b};
 }
 

@@ -18,6 +18,9 @@ static const double same_side = 1e-9;  // metres
 // Steps while the bounds have all but met: at touching corners rounding can let the search go round in circles.
 enum { CLOSE = 16 };
 
+// In operations: a search that ends at once, and each face that is grown at, beside the support points.
+enum { EPA_OPERATIONS = 150, GROW_OPERATIONS = 40 };
+
 enum { SEEDS = 7, SWEEP_FACES = 40, SWEEP_EDGES = 12 };  // a sweep asks at most 2 * 40 + 2 * 12 * 12 directions
 
 typedef struct search {
@@ -131,6 +134,7 @@ static int find_pierced_face(const gv_polytope *P, gv_vec3 n) {
 // Asks beyond the face and adds what is there. False where it is final: no point lies further out.
 static bool grow_at(search *s, int f) {
   gv_polytope *P = &s->polytope;
+  *s->cso->operations += GROW_OPERATIONS + P->face_count / 2;  // both searches of the faces
   double offset = P->face[f].offset, h = ask_beyond(s, &P->face[f]);
   if (h < s->best) s->best = h, s->best_normal = P->face[f].normal;
   if (h - offset <= P->tolerance) return false;
@@ -194,6 +198,7 @@ bool gv_epa_run(const gv_cso *cso, gv_vec3 guess, gv_epa_result *out) {
   s.cso = cso;
   s.count = 0;
   s.size = 0;
+  *cso->operations += EPA_OPERATIONS;
   s.polytope = (gv_polytope){.point = s.w, .face = s.face, .edge = s.edge, .seen = s.seen, .link = s.link,
                              .face_max = GV_EPA_MAX_FACES, .free_head = -1, .least_offset = -HUGE_VAL};
   if (!recall_seeds(&s, guess)) ask_seeds(&s, guess);
@@ -218,6 +223,7 @@ typedef struct sweep {
 
 static void try_direction(sweep *s, gv_vec3 d) {
   double length = gv_norm(d);
+  *s->cso->operations += 5;
   if (!(length > 1e-12)) return;
   gv_vec3 n = gv_scale(d, 1.0 / length);
   gv_cso_point p = gv_cso_support(s->cso, n);

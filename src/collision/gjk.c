@@ -11,6 +11,9 @@
 // an edge the way to the other end begins so: the nearest point moves by less than rounding, the direction by enough.
 enum { STALLS = 2 };
 
+// What an iteration costs beside its support points, in operations.
+enum { GJK_OPERATIONS = 20 };
+
 static bool is_corner(const gv_simplex *s, gv_vec3 w) {
   for (int k = 0; k < s->count; k++)
     if (s->p[k].w.x == w.x && s->p[k].w.y == w.y && s->p[k].w.z == w.z) return true;
@@ -47,6 +50,7 @@ gv_gjk_outcome gv_gjk_walk(gv_gjk *g) {
     double upper = gv_norm(v);
     if (upper <= gv_touching_m) return GV_GJK_OVERLAP;
     g->iterations++;
+    *g->cso->operations += GJK_OPERATIONS;
     g->n = gv_scale(v, -1.0 / upper);
     gv_cso_point p = gv_cso_support(g->cso, g->n);
     lower = -gv_dot(g->n, p.w);

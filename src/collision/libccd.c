@@ -115,6 +115,7 @@ static bool solve(gv_simplex *s, gv_vec3 *out_nearest) {
 typedef struct asked {
   jmp_buf way_out;
   int supports;
+  int *operations;
 } asked;
 
 typedef struct side {     // one core, as libccd sees it
@@ -125,9 +126,10 @@ typedef struct side {     // one core, as libccd sees it
 
 static void support(const void *object, const ccd_vec3_t *direction, ccd_vec3_t *out) {
   const side *s = object;
+  *s->asked->operations += 10;
   if (++s->asked->supports > MOST_SUPPORTS) longjmp(s->asked->way_out, 1);
   gv_vec3 d = gv_v3(direction->v[0], direction->v[1], direction->v[2]);
-  *out = to_mm(gv_core_support(s->core, d, s->hint));
+  *out = to_mm(gv_core_support(s->core, d, s->hint, s->asked->operations));
 }
 
 static void center(const void *object, ccd_vec3_t *out) {
@@ -136,7 +138,7 @@ static void center(const void *object, ccd_vec3_t *out) {
 
 // The direction that MPR would move A out along, or `otherwise`.
 static gv_vec3 ask_mpr(const gv_cso *cso, gv_vec3 otherwise) {
-  asked query = {.supports = 0};
+  asked query = {.operations = cso->operations};
   const side A = {&cso->a, &cso->cache->vertex_a, &query};
   const side B = {&cso->b, &cso->cache->vertex_b, &query};
   ccd_real_t depth;

@@ -37,6 +37,7 @@ typedef struct manifold {
   double limit, closest;  // largest gap of the cores that counts, and the least there is
   corner corner[CORNERS];
   int count;
+  int operations;         // counted work
 } manifold;
 
 static gv_vec3 hull_turn(const gv_core *core, gv_vec3 v) { return core->in_place ? v : gv_mat3_mul(&core->R, v); }
@@ -62,14 +63,18 @@ static int scan_faces(const gv_hull *hull, gv_vec3 d) {
 
 // Around the farthest vertex, and on while a face at one of the face's corners is nearer: on long thin faces the
 // first may not be the best.
-static int best_face(const gv_hull *hull, uint16_t *vertex, gv_vec3 d) {
-  if (hull->face_count <= SCAN_UP_TO) return scan_faces(hull, d);
-  *vertex = (uint16_t)gv_hull_support(hull, d, *vertex);
+static int best_face(const gv_hull *hull, uint16_t *vertex, gv_vec3 d, int *io_operations) {
+  if (hull->face_count <= SCAN_UP_TO) {
+    *io_operations += hull->face_count;
+    return scan_faces(hull, d);
+  }
+  *vertex = (uint16_t)gv_hull_support(hull, d, *vertex, io_operations);
   int best = hull->neighbor_face[hull->neighbor_start[*vertex]], from = -1;
   double cosine = gv_dot(hull->face_normal[best], d);
   better_face_at(hull, *vertex, d, &best, &cosine);
   while (best != from && cosine < flat) {
     from = best;
+    *io_operations += 6 * (hull->face_start[from + 1] - hull->face_start[from]);
     for (int k = hull->face_start[from]; k < hull->face_start[from + 1]; k++)
       if (hull->face_vertex[k] != *vertex) better_face_at(hull, hull->face_vertex[k], d, &best, &cosine);
   }
@@ -101,12 +106,12 @@ static void take_box_face(const gv_core *core, gv_vec3 d, polygon *out) {
 }
 
 // The side of a core that faces d best; a segment is a polygon of two corners without a normal.
-static void take_side(const gv_core *core, gv_vec3 d, uint16_t *vertex, polygon *out) {
+static void take_side(const gv_core *core, gv_vec3 d, uint16_t *vertex, polygon *out, int *io_operations) {
   if (core->kind == GV_CORE_BOX) {
     take_box_face(core, d, out);
   } else if (core->kind == GV_CORE_HULL) {
     gv_vec3 d_hull = core->in_place ? d : gv_mat3_mul_t(&core->R, d);
-    take_hull_face(core, best_face(core->hull, vertex, d_hull), out);
+    take_hull_face(core, best_face(core->hull, vertex, d_hull, io_operations), out);
   } else {
     out->count = 2;
     out->normal = gv_v3(0, 0, 0);
@@ -151,6 +156,7 @@ static void clip_polygons(manifold *m, const polygon *reference, const polygon *
   const polygon *now = incident;
   gv_vec3 up = of_b ? m->n : gv_neg(m->n);
   for (int k = 0; k < reference->count && now->count > 0; k++) {
+    m->operations += 6 + 3 * now->count;
     clip_side(now, reference->p[k], prism_side(reference, k, up), &work[k % 2]);
     now = &work[k % 2];
   }
@@ -223,6 +229,7 @@ static void walk_limb(manifold *m, const gv_core *core, const polygon *face, spa
   int leaves = to_end ? part.to_side : part.from_side;
   limb_end end = {at, gap_over(face, up, gv_mad(segment->p[0], at, gv_sub(segment->p[1], segment->p[0]))), face->face};
   for (int steps = 0; steps < WALK && leaves >= 0 && core->kind == GV_CORE_HULL && end.gap <= m->limit; steps++) {
+    m->operations += 40;
     int next = face_across(core->hull, end.face, leaves);
     if (gv_dot(hull_turn(core, core->hull->face_normal[next]), up) < steep) break;
     take_hull_face(core, next, &side);
@@ -236,14 +243,16 @@ static void walk_limb(manifold *m, const gv_core *core, const polygon *face, spa
 }
 
 // The nearest face to the reference that the limb lies over at all: the reference, or one around the vertex.
-static bool find_under_limb(const gv_core *core, int vertex, gv_vec3 up, const polygon *segment, polygon *io_face, span *out_part) {
+static bool find_under_limb(manifold *m, const gv_core *core, int vertex, gv_vec3 up, const polygon *segment, polygon *io_face, span *out_part) {
+  m->operations += 10 * io_face->count;
   if (clip_segment(io_face, up, segment, out_part)) return true;
   if (core->kind != GV_CORE_HULL) return false;
-  vertex = gv_hull_support(core->hull, core->in_place ? up : gv_mat3_mul_t(&core->R, up), vertex);
+  vertex = gv_hull_support(core->hull, core->in_place ? up : gv_mat3_mul_t(&core->R, up), vertex, &m->operations);
   for (int k = core->hull->neighbor_start[vertex]; k < core->hull->neighbor_start[vertex + 1]; k++) {
     int f = core->hull->neighbor_face[k];
     if (gv_dot(hull_turn(core, core->hull->face_normal[f]), up) < steep) continue;
     take_hull_face(core, f, io_face);
+    m->operations += 10 * io_face->count;
     if (clip_segment(io_face, up, segment, out_part)) return true;
   }
   return false;
@@ -253,7 +262,7 @@ static bool find_under_limb(const gv_core *core, int vertex, gv_vec3 up, const p
 static void clip_limb(manifold *m, const gv_core *core, int vertex, polygon *reference, const polygon *segment, bool of_b) {
   gv_vec3 up = of_b ? m->n : gv_neg(m->n);
   span part;
-  if (!find_under_limb(core, vertex, up, segment, reference, &part)) return;
+  if (!find_under_limb(m, core, vertex, up, segment, reference, &part)) return;
   for (int k = 0; k < 2; k++) walk_limb(m, core, reference, part, up, segment, k == 1, of_b);
 }
 
@@ -313,8 +322,8 @@ static void gather(manifold *m, const gv_cso *cso, gv_pair_cache *cache, uint16_
   polygon a, b;
   *out_face_b = NO_FACE;
   if (gv_core_is_point(&cso->a) || gv_core_is_point(&cso->b)) return;  // a ball touches in one point
-  take_side(&cso->b, m->n, &cache->vertex_b, &b);
-  take_side(&cso->a, gv_neg(m->n), &cache->vertex_a, &a);
+  take_side(&cso->b, m->n, &cache->vertex_b, &b, cso->operations);
+  take_side(&cso->a, gv_neg(m->n), &cache->vertex_a, &a, cso->operations);
   *out_face_b = b.face;
   double facing_b = b.count > 2 ? gv_dot(b.normal, m->n) : 0, facing_a = a.count > 2 ? -gv_dot(a.normal, m->n) : 0;
   bool of_b = facing_b >= facing_a - 1e-6;
@@ -343,10 +352,13 @@ int gv_manifold_pair(gv_narrow narrow, const gv_pair *pair, double margin, gv_pa
   m.limit = margin + radii;
   m.closest = d.distance + radii;
   m.count = 0;
+  m.operations = 15;
   gather(&m, &cso, cache, &face_b);
   add_closest(&m, a, &d, radii, face_b);
+  m.operations += m.count * m.count;
   merge_near(&m);
   reduce(&m);
+  if (out_distance) out_distance->operations = d.operations + m.operations;
   for (int i = 0; i < m.count; i++) {
     gv_vec3 middle = gv_scale(gv_add(m.corner[i].on_a, m.corner[i].on_b), 0.5);
     middle = gv_mad(middle, 0.5 * (b->radius - a->radius), m.n);

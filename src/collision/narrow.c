@@ -8,6 +8,9 @@
 #include "collision/gjk.h"
 #include "collision/phase.h"
 
+// What a pair costs that is still far apart, and what placing the cores adds, in operations.
+enum { PAIR_OPERATIONS = 15, PLACE_OPERATIONS = 25 };
+
 static const gv_phase *const phase_of[] = {
   [GV_NARROW_CORE] = &gv_phase_core,
   [GV_NARROW_LIBCCD] = &gv_phase_libccd,
@@ -86,12 +89,12 @@ static void distance_of_cores(const gv_phase *phase, const gv_cso *cso, double l
 
 // Pairs that were far apart mostly still are: two support heights along the last normal tell, before anything is
 // placed.
-static bool still_beyond(const gv_pair *pair, double limit, gv_pair_cache *cache) {
+static bool still_beyond(const gv_pair *pair, double limit, gv_pair_cache *cache, int *io_operations) {
   gv_vec3 n = cache->normal_world;
   if (cache->corners > 0 || cache->overlap || fabs(gv_norm2(n) - 1) > 1e-9) return false;
   const gv_pose *A = pair->T_world_a, *B = pair->T_world_b;
-  double high = gv_core_height(pair->b, gv_rotate_inv(B->q, n), &cache->vertex_b);
-  double low = gv_core_height(pair->a, gv_rotate_inv(A->q, gv_neg(n)), &cache->vertex_a);
+  double high = gv_core_height(pair->b, gv_rotate_inv(B->q, n), &cache->vertex_b, io_operations);
+  double low = gv_core_height(pair->a, gv_rotate_inv(A->q, gv_neg(n)), &cache->vertex_a, io_operations);
   return gv_dot(n, gv_sub(A->p, B->p)) - low - high > limit;
 }
 
@@ -106,11 +109,14 @@ void gv_distance_in_b(gv_narrow narrow, const gv_pair *pair, double max_distance
   assert(max_distance >= 0);
   double radii = pair->a->radius + pair->b->radius;
   *out = (gv_distance){.method = GV_DISTANCE_BEYOND, .distance = max_distance};
-  if (still_beyond(pair, max_distance + radii, cache)) return;
+  out->operations = PAIR_OPERATIONS;
+  if (still_beyond(pair, max_distance + radii, cache, &out->operations)) return;
+  out->operations += PLACE_OPERATIONS;
   gv_core_place(pair->a, pose_in_b(pair), &out_cso->a);
   gv_core_in_place(pair->b, &out_cso->b);
   out_cso->q_world_b = pair->T_world_b->q;
   out_cso->cache = cache;
+  out_cso->operations = &out->operations;
   distance_of_cores(phase_of[narrow], out_cso, max_distance + radii, out);
   cache->normal_world = gv_rotate(pair->T_world_b->q, out->normal_world);
   if (out->method == GV_DISTANCE_BEYOND) {

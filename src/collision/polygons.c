@@ -97,9 +97,10 @@ int gv_polygon_depths(const gv_pair *pair, gv_vec3 normal_world, double margin, 
   for (int f = 0; f < hull->face_count && count < max; f++) {
     gv_vec3 up = hull->face_normal[f], point = gv_v3(0, 0, 0);
     uint16_t hint = 0;
+    int operations = 0;
     double height;
     if (gv_dot(up, n) < facing) continue;
-    if (gv_dot(up, gv_core_support(&core, gv_neg(up), &hint)) - hull->face_offset[f] > radii + margin) continue;
+    if (gv_dot(up, gv_core_support(&core, gv_neg(up), &hint, &operations)) - hull->face_offset[f] > radii + margin) continue;
     side of_a;
     take_side(&core, gv_neg(up), &of_a);
     if (!lowest_over(hull, f, &of_a, &point, &height) || height > radii + margin) continue;

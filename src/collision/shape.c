@@ -6,11 +6,12 @@
 
 // A vertex none of whose neighbours is higher is a highest one: the edges of a convex polyhedron span
 // its cone. Each move is strictly upwards, so no vertex comes twice and the loop ends.
-int gv_hull_support(const gv_hull *hull, gv_vec3 d, int start) {
+int gv_hull_support(const gv_hull *hull, gv_vec3 d, int start, int *io_operations) {
   int here = start < hull->vertex_count ? start : 0, last = -1;
   double high = gv_dot(hull->vertex[here], d);
   while (here != last) {
     last = here;
+    *io_operations += 2 + hull->neighbor_start[last + 1] - hull->neighbor_start[last];
     for (int k = hull->neighbor_start[last]; k < hull->neighbor_start[last + 1]; k++) {
       double height = gv_dot(hull->vertex[hull->neighbor[k]], d);
       if (height > high) high = height, here = hull->neighbor[k];
@@ -35,10 +36,11 @@ void gv_core_in_place(const gv_shape *shape, gv_core *out) {
                    .axis = {{shape->half.x, 0, 0}, {0, shape->half.y, 0}, {0, 0, shape->half.z}}};
 }
 
-gv_vec3 gv_core_support(const gv_core *core, gv_vec3 d, uint16_t *hint) {
+gv_vec3 gv_core_support(const gv_core *core, gv_vec3 d, uint16_t *hint, int *io_operations) {
   unsigned vertex;
+  *io_operations += 3;
   if (core->kind == GV_CORE_HULL) {
-    vertex = (unsigned)gv_hull_support(core->hull, core->in_place ? d : gv_mat3_mul_t(&core->R, d), *hint);
+    vertex = (unsigned)gv_hull_support(core->hull, core->in_place ? d : gv_mat3_mul_t(&core->R, d), *hint, io_operations);
   } else {
     vertex = gv_dot(core->axis[0], d) >= 0;
     if (core->kind == GV_CORE_BOX) vertex |= (unsigned)(gv_dot(core->axis[1], d) >= 0) << 1 | (unsigned)(gv_dot(core->axis[2], d) >= 0) << 2;
@@ -47,16 +49,18 @@ gv_vec3 gv_core_support(const gv_core *core, gv_vec3 d, uint16_t *hint) {
   return gv_core_vertex(core, vertex);
 }
 
-double gv_core_height(const gv_shape *shape, gv_vec3 d, uint16_t *hint) {
+double gv_core_height(const gv_shape *shape, gv_vec3 d, uint16_t *hint, int *io_operations) {
+  *io_operations += 3;
   if (shape->kind != GV_CORE_HULL) return fabs(d.x) * shape->half.x + fabs(d.y) * shape->half.y + fabs(d.z) * shape->half.z;
-  *hint = (uint16_t)gv_hull_support(shape->hull, d, *hint);
+  *hint = (uint16_t)gv_hull_support(shape->hull, d, *hint, io_operations);
   return gv_dot(shape->hull->vertex[*hint], d);
 }
 
 gv_vec3 gv_support(const gv_shape *shape, const gv_pose *T_world_shape, gv_vec3 d_world, uint16_t *hint) {
   uint16_t own_hint = 0;
+  int operations = 0;
   gv_core core;
   gv_core_place(shape, *T_world_shape, &core);
-  gv_vec3 p = gv_core_support(&core, d_world, hint ? hint : &own_hint);
+  gv_vec3 p = gv_core_support(&core, d_world, hint ? hint : &own_hint, &operations);
   return gv_mad(p, shape->radius, gv_normalize_or(d_world, gv_v3(0, 0, 1)));
 }

@@ -10,6 +10,7 @@
 
 #include "daemon/doctor/doctor.h"
 #include "daemon/load/devices.h"
+#include "daemon/loop/machine.h"
 #include "daemon/options.h"
 #include "daemon/tell/slow.h"
 #include "daemon/tell/summary.h"
@@ -64,7 +65,17 @@ static void catch_signals(void) {
 
 // ---- set-up: 0, or negative with one line in p->err ---------------------------------------------------
 
+// Collision detection's share of the period, in operations of this machine; in a replay those of the default, so that it
+// does not depend on the machine.
+static void set_budget(program *p) {
+  gv_settings *settings = &p->settings;
+  const bool replay = strncmp(settings->fcu, "trace:", 6) == 0 || strstr(settings->fcu, "speed=0");
+  if (!replay && !settings->operations_given)
+    settings->engine.operations_per_s = gv_clamp(gv_machine_operations_per_s(settings->engine.narrow), 1e6, 1e11);
+}
+
 static int open_world(program *p) {
+  set_budget(p);
   if (gv_world_load(&p->world, p->settings.scene, &p->settings.engine, p->err, sizeof p->err)) return -1;
   if (gv_world_start(&p->world, &p->settings.engine) == 0) return 0;
   snprintf(p->err, sizeof p->err, "%s: the engine does not start; use a smaller scene", p->settings.scene);

@@ -13,20 +13,16 @@
 #define FAST_M_S 500.0
 #define SPIN_RAD_S 1e5
 
+// What the pairs of a step may take of the loop's period, and what they may in any case: those of a hand that holds
+// something.
+#define COLLISION_SHARE 0.25
+#define LEAST_OPERATIONS 10000
+
 static bool put_engine(gv_arena *arena, const gv_config *cfg, const gv_scene *scene, gv_engine **out) {
   gv_engine *e = gv_arena_alloc(arena, "engine", sizeof *e);
-  size_t n = (size_t)scene->piece_count;
-  gv_shape *shape = gv_arena_alloc(arena, "piece shapes", n * sizeof *shape);
-  gv_aabb *box = gv_arena_alloc(arena, "piece bounds", n * sizeof *box);
-  gv_pair_cache *limb_cache = gv_arena_alloc(arena, "limb pairs", GV_LIMBS * n * sizeof *limb_cache);
-  gv_pair_cache *piece_cache = gv_arena_alloc(arena, "piece pairs", (n * n / 2 + 1) * sizeof *piece_cache);
-  if (!e || !shape || !box || !limb_cache || !piece_cache) return false;
+  if (!gv_broad_alloc(e ? &e->broad : NULL, arena, scene) || !e) return false;
   e->cfg = *cfg;
   e->scene = scene;
-  e->piece_shape = shape;
-  e->piece_box = box;
-  e->limb_cache = limb_cache;
-  e->piece_cache = piece_cache;
   *out = e;
   return true;
 }
@@ -42,28 +38,11 @@ static void make_limbs(gv_engine *e) {
   for (int i = 0; i < GV_LIMBS; i++) {
     bool palm = i == GV_LIMB_PALM;
     double r = palm ? hand->palm_radius_m : hand->radius_m[i / 3][i % 3];
-    e->limb_shape[i] = palm ? gv_shape_rounded_box(hand->palm_half_m, r) : gv_shape_capsule(gv_hand_half_length(hand, i), r);
-    gv_vec3 half = e->limb_shape[i].half;
-    e->limb_reach[i] = gv_norm(half) + r;
+    e->broad.limb_shape[i] = palm ? gv_shape_rounded_box(hand->palm_half_m, r) : gv_shape_capsule(gv_hand_half_length(hand, i), r);
+    gv_vec3 half = e->broad.limb_shape[i].half;
     double mass = palm ? e->cfg.palm_mass_kg : e->cfg.limb_mass_kg;
     e->limb_inertia[i] = mass * gv_sphere_inertia_of_box(gv_scale(gv_add(half, gv_v3(r, r, r)), 2.0));
     e->spring[i] = make_spring(e, i);
-  }
-}
-
-static void make_pieces(gv_engine *e) {
-  for (int o = 0; o < e->scene->object_count; o++) {
-    const gv_object *object = &e->scene->object[o];
-    for (int i = object->piece_first; i < object->piece_first + object->piece_count; i++) {
-      const gv_hull *hull = &e->scene->piece[i];
-      const gv_vec3 r = {hull->radius, hull->radius, hull->radius};
-      e->piece_shape[i] = gv_shape_hull(hull);
-      e->piece_box[i] = (gv_aabb){gv_sub(hull->aabb_min, r), gv_add(hull->aabb_max, r)};
-      if (i == object->piece_first) e->body_box[o] = e->piece_box[i];
-      else gv_aabb_join(&e->body_box[o], &e->piece_box[i]);
-      for (int v = 0; v < hull->vertex_count; v++)
-        e->object_reach[o] = fmax(e->object_reach[o], gv_norm(hull->vertex[v]) + hull->radius);
-    }
   }
 }
 
@@ -76,6 +55,12 @@ size_t gv_engine_size(const gv_config *cfg, const gv_scene *scene) {
   return dry.peak;
 }
 
+// A share of the loop's period, in counted operations.
+static int budget_of(const gv_config *cfg) {
+  const double period_s = cfg->period_s > 0.0 ? cfg->period_s : cfg->step_s;
+  return (int)fmax(LEAST_OPERATIONS, COLLISION_SHARE * period_s * cfg->operations_per_s);
+}
+
 gv_engine *gv_engine_init(void *mem, size_t size, const gv_config *cfg, const gv_scene *scene) {
   if (gv_config_check(cfg)) return NULL;
   gv_arena arena;
@@ -83,7 +68,8 @@ gv_engine *gv_engine_init(void *mem, size_t size, const gv_config *cfg, const gv
   gv_arena_init(&arena, mem, size);
   if (!put_engine(&arena, cfg, scene, &e)) return NULL;
   make_limbs(e);
-  make_pieces(e);
+  gv_broad_init(&e->broad, cfg->step_s, cfg->contact_margin_m);
+  e->collision_budget = budget_of(cfg);
   e->dyn = gv_dynamics_create(&arena, &e->cfg, scene, e->spring, e->limb_inertia);
   if (!e->dyn) return NULL;
   e->arena = arena;
@@ -98,10 +84,8 @@ void gv_engine_close(gv_engine *engine) {
 }
 
 void gv_engine_reset(gv_engine *e) {
-  const size_t n = (size_t)e->scene->piece_count;
   gv_condition_init(&e->condition, &e->cfg);
-  memset(e->limb_cache, 0, GV_LIMBS * n * sizeof *e->limb_cache);  // a warm start must not remember the last life
-  memset(e->piece_cache, 0, (n * n / 2 + 1) * sizeof *e->piece_cache);
+  gv_broad_forget(&e->broad);  // a warm start must not remember the last life
   e->placed = false;
   e->contact_count = 0;
   memset(e->felt_f, 0, sizeof e->felt_f);
@@ -217,8 +201,8 @@ static void guard_states(gv_engine *e) {
   const gv_body_state *limb = gv_dynamics_state(e->dyn, 0), *object = gv_dynamics_state(e->dyn, GV_LIMBS);
   for (int i = 0; i < GV_LIMBS; i++)
     if (!state_sound(&limb[i])) put_back(e, i, &e->driver[i].T);
-  for (int i = 0; i < e->moving_count; i++) {
-    const int o = e->moving[i];
+  for (int i = 0; i < e->rest.moving_count; i++) {
+    const int o = e->rest.moving[i];
     if (!state_sound(&object[o])) put_back(e, GV_LIMBS + o, &e->scene->object[o].T_world_body);
   }
 }

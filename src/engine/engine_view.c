@@ -53,8 +53,8 @@ int gv_engine_polygons(const gv_engine *e, gv_polygon_contact out[], int max) {
   for (int i = 0; i < e->contact_count; i++) {
     const gv_contact *c = &e->contact[i];
     if (c->limb < 0 || !is_first_of_pair(e, i)) continue;
-    const gv_pair pair = {&e->limb_shape[c->limb], &gv_dynamics_state(e->dyn, c->limb)->T,
-                          &e->piece_shape[c->piece], &gv_dynamics_state(e->dyn, GV_LIMBS + c->object)->T};
+    const gv_pair pair = {&e->broad.limb_shape[c->limb], &gv_dynamics_state(e->dyn, c->limb)->T,
+                          &e->broad.piece_shape[c->piece], &gv_dynamics_state(e->dyn, GV_LIMBS + c->object)->T};
     int found = gv_polygon_depths(&pair, c->normal_world, 0.0, polygon, OF_PAIR);
     for (int k = 0; k < found && count < max; k++)
       out[count++] = (gv_polygon_contact){c->limb, c->object, c->piece, polygon[k].face, polygon[k].depth, polygon[k].position_world};

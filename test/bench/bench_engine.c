@@ -90,7 +90,7 @@ static void write_drivers(const char *path, const gv_engine *e, int steps) {
   FILE *f = fopen(path, "wb");
   gv_bench_header header = {.steps = steps, .h = e->cfg.step_s};
   memcpy(header.spring, e->spring, sizeof header.spring);
-  memcpy(header.shape, e->limb_shape, sizeof header.shape);
+  memcpy(header.shape, e->broad.limb_shape, sizeof header.shape);
   memcpy(header.inertia, e->limb_inertia, sizeof header.inertia);
   if (!f || fwrite(&header, sizeof header, 1, f) != 1 || fwrite(drivers, sizeof *drivers, (size_t)steps, f) != (size_t)steps) fail(path);
   fclose(f);
@@ -103,8 +103,8 @@ static void print_limbs(const gv_engine *e) {
   for (int i = 0; i < GV_LIMBS; i++) {
     const gv_spring *s = &e->spring[i];
     printf("%s{\"mass\":%.17g,\"inertia\":%.17g,\"radius\":%.17g,\"half\":", i ? "," : "", s->mass_kg + s->added_mass_kg,
-           e->limb_inertia[i] + s->added_inertia, e->limb_shape[i].radius);
-    print_vector(e->limb_shape[i].half);
+           e->limb_inertia[i] + s->added_inertia, e->broad.limb_shape[i].radius);
+    print_vector(e->broad.limb_shape[i].half);
     printf("}");
   }
   printf("]");

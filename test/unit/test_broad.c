@@ -39,7 +39,7 @@ static bool touch(const gv_engine *e, const gv_shape *a, int body_a, const gv_sh
   gv_pair_cache cold = {.corners = 0};
   gv_distance d;
   const double near = 0.49 * e->cfg.contact_margin_m;
-  gv_distance_pair(GV_NARROW_CORE, &(gv_pair){a, &e->predicted[body_a].T, b, &e->predicted[body_b].T}, near, &cold, &d);
+  gv_distance_pair(GV_NARROW_CORE, &(gv_pair){a, &e->broad.predicted[body_a].T, b, &e->broad.predicted[body_b].T}, near, &cold, &d);
   return d.distance < near;
 }
 
@@ -54,7 +54,7 @@ static int check_limbs(const gv_engine *e, int step) {
   int found = 0;
   for (int l = 0; l < GV_LIMBS; l++)
     for (int p = 0; p < OBJECTS * PIECES; p++) {
-      if (!touch(e, &e->limb_shape[l], l, &e->piece_shape[p], GV_LIMBS + p / PIECES)) continue;
+      if (!touch(e, &e->broad.limb_shape[l], l, &e->broad.piece_shape[p], GV_LIMBS + p / PIECES)) continue;
       CHECK(is_told(e, l, p), "step %d: limb %d touches piece %d", step, l, p);
       found++;
     }
@@ -65,7 +65,7 @@ static int check_pieces(const gv_engine *e, int step) {
   int found = 0;
   for (int p = 0; p < (OBJECTS - 1) * PIECES; p++)
     for (int q = (p / PIECES + 1) * PIECES; q < OBJECTS * PIECES; q++) {
-      if (!touch(e, &e->piece_shape[p], GV_LIMBS + p / PIECES, &e->piece_shape[q], GV_LIMBS + q / PIECES)) continue;
+      if (!touch(e, &e->broad.piece_shape[p], GV_LIMBS + p / PIECES, &e->broad.piece_shape[q], GV_LIMBS + q / PIECES)) continue;
       CHECK(is_told(e, -1 - p / PIECES, q), "step %d: pieces %d and %d touch", step, p, q);
       found++;
     }

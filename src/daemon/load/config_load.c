@@ -258,6 +258,12 @@ static void read_realtime(gv_conf_group *root, gv_settings *out) {
   if (!gv_conf_enter(root, "realtime", &realtime)) return;
   gv_conf_integer(&realtime, "cpu", -1, 1023, &out->cpu);
   gv_conf_integer(&realtime, "priority", 0, 99, &out->rt_priority);
+  double operations = 0;
+  gv_conf_number(&realtime, "operations_per_s", 0, 1e11, &operations);
+  if (operations > 0) {
+    out->engine.operations_per_s = operations;
+    out->operations_given = true;
+  }
   gv_conf_bool(&realtime, "mlock", &out->mlock);
   gv_conf_bool(&realtime, "cpu_dma_latency", &out->cpu_dma_latency);
   gv_conf_bool(&realtime, "strict", &out->strict);

@@ -29,6 +29,7 @@ typedef struct gv_settings {
   bool sync_device;                  // --sync device: the glove's frame begins a step
   bool strict;                       // --strict: a list of system calls for the real-time thread
   bool cpu_dma_latency;              // hold /dev/cpu_dma_latency at zero while running
+  bool operations_given;             // engine.operations_per_s is the file's: nothing is measured
   bool mlock;                        // keep all memory in RAM
 } gv_settings;
 

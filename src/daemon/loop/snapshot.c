@@ -85,6 +85,7 @@ static const char *engine_event_text(uint32_t bit) {
     case GV_EVENT_PAIRS_DROPPED: return "more pairs than GV_MAX_PAIRS: the last dropped";
     case GV_EVENT_BODY_RESET: return "a body's state was not finite or ran away: put back";
     case GV_EVENT_OVERLAP: return "penetration beyond a limb's radius";
+    case GV_EVENT_PAIRS_LEFT_OVER: return "too many pairs for the period: the least urgent left for the next step";
     case GV_EVENT_QUICKSTEP: return "a hard contact problem: quickstep did the step";
   }
   return "unknown event";

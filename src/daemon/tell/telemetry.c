@@ -308,6 +308,7 @@ static void put_counters(const gv_telemetry *telemetry, const gv_snapshot *snaps
   out->contacts_max = (int64_t)c->contacts_max;
   out->contacts_dropped = (int64_t)c->contacts_dropped;
   out->pairs_dropped = (int64_t)c->pairs_dropped;
+  out->pairs_left_over = (int64_t)c->pairs_left_over;
   out->body_resets = (int64_t)c->body_resets;
   out->overlaps = (int64_t)c->overlaps;
   out->newton_steps = (int64_t)c->newton_steps;
