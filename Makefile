@@ -29,7 +29,7 @@ OBJ      = $(1:%.c=$(B)/%.o)
 LIB     := $(B)/libgloved.a
 
 RUN_PACKAGES  := gcc libc6-dev libode-dev libccd-dev liblcm-dev liblcm-bin libconfig-dev zlib1g-dev
-TEST_PACKAGES := $(RUN_PACKAGES) clang python3-venv can-utils glmark2-data valgrind
+TEST_PACKAGES := $(RUN_PACKAGES) clang perl python3-venv can-utils glmark2-data valgrind
 CAN_PACKAGES  := can-utils user-mode-linux kmod iproute2
 
 .DEFAULT_GOAL := help
@@ -119,13 +119,13 @@ build/.browser-packages: build/.run-packages
 	@touch $@
 .PHONY: top view look test-view pictures
 
-## test: build and run every test
-test: build/.test-packages build/venv/.done build/venv-plot/.done
+## test: build and run every test (T="force wire": only those)
+test: build/.test-packages build/venv/.ready build/venv-plot/.done
 	$(Q)$(MAKE) --no-print-directory -j$$(nproc) all
-	$(Q)B=$(B) test/run
+	$(Q)B=$(B) test/run $(T)
 
 ## test-can: fcusim and gloved on real CAN interfaces, in a User-Mode Linux guest (no root, about 90 s)
-test-can: build/.can-packages build/venv/.done
+test-can: build/.can-packages build/venv/.ready
 	$(Q)$(MAKE) --no-print-directory all
 	$(Q)B=$(B) test/can/run
 
@@ -221,10 +221,10 @@ build/.fuzz-packages: build/.run-packages
 	$(Q)tools/packages clang libclang-rt-dev
 	@touch $@
 # What the tests in Python check against: the frame database and logs as other people's tools read them.
-build/venv/.done: build/.test-packages
+build/venv/.ready: build/.test-packages
 	@echo "  VENV build/venv"
 	$(Q)python3 -m venv build/venv
-	$(Q)build/venv/bin/pip install -q --disable-pip-version-check cantools python-can lcm
+	$(Q)build/venv/bin/python -m pip install -q --disable-pip-version-check pytest cantools python-can lcm
 	@touch $@
 
 $(B)/%.o: %.c | $(B)/gen/.done

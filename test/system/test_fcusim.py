@@ -7,7 +7,6 @@ import os
 import socket
 import struct
 import subprocess
-import sys
 import tempfile
 
 import cantools
@@ -151,22 +150,3 @@ def test_bad_usage():
         run = subprocess.run([FCUSIM, *case], capture_output=True, text=True, timeout=20)
         assert run.returncode == 2, (case, run)
         assert run.stderr.startswith("fcusim: ") and run.stderr.count("\n") == 1, (case, run.stderr)
-
-
-def main():
-    failed = 0
-    for name, test in list(globals().items()):
-        if not name.startswith("test_"):
-            continue
-        try:
-            test()
-            print("ok", name[5:])
-        except (AssertionError, OSError, subprocess.SubprocessError) as problem:
-            failed = 1
-            print("  ", str(problem)[:500])
-            print("FAIL", name[5:])
-    return failed
-
-
-if __name__ == "__main__":
-    sys.exit(main())

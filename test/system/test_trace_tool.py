@@ -9,11 +9,11 @@ import signal
 import socket
 import struct
 import subprocess
-import sys
 import tempfile
 import time
 
 import cantools
+import pytest
 
 TOOL = os.path.join(os.environ["B"], "gloved-trace")
 PIPE = os.path.join(os.environ["B"], "test", "fcu_pipe")
@@ -21,11 +21,8 @@ DBC = cantools.database.load_file("data/gloved.dbc")
 RECORDINGS = "../shared/data"
 SENSORS = subprocess.run([PIPE], input="sensors\n", capture_output=True, text=True, check=True).stdout.split()
 FOLDER = tempfile.TemporaryDirectory()
+random.seed(2)
 HALF_COUNT = math.pi / 8192
-
-
-class Skip(Exception):
-    pass
 
 
 def path(name, text=None):
@@ -128,7 +125,7 @@ def test_import_of_wrist_matrices():
 
 def test_import_of_real_recordings():
     if not os.path.isdir(RECORDINGS):
-        raise Skip("no recordings in ../shared/data")
+        pytest.skip("no recordings in ../shared/data")
     for i, wrist in enumerate(("user1_cup0", "user1_spray_can0", "user2_b_jug0")):
         csv, trajectory = f"{RECORDINGS}/teleop_door/door_demo_0{i}.csv", f"{RECORDINGS}/fastrak_wrist/{wrist}.traj"
         run("import", csv, "-o", path("door.log"), "--wrist", trajectory)
@@ -297,22 +294,3 @@ def test_bad_input_gets_one_line_and_exit_2():
         last = done.stderr.splitlines()[-1]
         assert needle in last and last.startswith("gloved-trace: ") and "; " in last, f"{words}: {done.stderr}"
     assert "info FILE" in run("--help").stdout
-
-
-def main():
-    failed = False
-    for name, test in list(globals().items()):
-        if name.startswith("test_") and callable(test):
-            try:
-                test()
-                print("ok " + name)
-            except Skip as why:
-                print(f"skip {name}: {why}")
-            except Exception as error:  # a test that cannot run has failed as well
-                failed = True
-                print(f"  {type(error).__name__}: {error}\nFAIL {name}")
-    return 1 if failed else 0
-
-
-random.seed(2)
-sys.exit(main())

@@ -6,7 +6,6 @@ import os
 import random
 import re
 import subprocess
-import sys
 import tempfile
 
 import can
@@ -264,19 +263,3 @@ def test_python_can_reads_and_writes_the_same_logs():
         writer.stop()
         written = log.read().splitlines()
     assert [a.split()[0] for a in pipe(written)] == ["glove"] * len(lines)
-
-
-def main():
-    failed = False
-    for name, test in sorted(globals().items()):
-        if name.startswith("test_") and callable(test):
-            try:
-                test()
-                print("ok " + name)
-            except Exception as error:  # a test that cannot run has failed as well
-                failed = True
-                print(f"  {type(error).__name__}: {error}\nFAIL {name}")
-    return 1 if failed else 0
-
-
-sys.exit(main())
