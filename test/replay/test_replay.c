@@ -116,7 +116,7 @@ typedef enum task { TEST, HASHES, UPDATE, MEASURE } task;
 
 static void do_trace(const char *name, task what) {
   if (expectation_read(name, &expected)) {
-    printf("FAIL %s: no sound file 'expected'\n", name);
+    printf("not ok - %s: no sound file 'expected'\n", name);
     check_failures++;
     return;
   }
@@ -151,6 +151,6 @@ int main(int argc, char **argv) {
     ran++;
     do_trace(entry[i]->d_name, what);
   }
-  if (!ran) { printf("FAIL no trace in data/traces\n"); return 1; }
+  if (!ran) { printf("not ok - no trace in data/traces\n"); return 1; }
   return what == MEASURE || what == UPDATE ? 0 : check_done();
 }

@@ -125,7 +125,7 @@ def test_import_of_wrist_matrices():
 
 def test_import_of_real_recordings():
     if not os.path.isdir(RECORDINGS):
-        pytest.skip("no recordings in ../shared/data")
+        pytest.skip("needs recordings of real hands, which are not part of this repository (looked for in ../shared/data)")
     for i, wrist in enumerate(("user1_cup0", "user1_spray_can0", "user2_b_jug0")):
         csv, trajectory = f"{RECORDINGS}/teleop_door/door_demo_0{i}.csv", f"{RECORDINGS}/fastrak_wrist/{wrist}.traj"
         run("import", csv, "-o", path("door.log"), "--wrist", trajectory)

@@ -245,7 +245,7 @@ static figures run(int rows, double filter_hz) {
 
 static void test_recorded_hands(void) {
   int rows = read_recording("../shared/data/teleop_door/door_demo_00.csv");
-  if (rows < 100) { SKIP("no recordings in ../shared/data"); return; }
+  if (rows < 100) { SKIP("needs recordings of real hands, which are not part of this repository (looked for in ../shared/data)"); return; }
   figures raw = run(rows, 0), filtered = run(rows, 30);
   printf("  recorded hand, 90 Hz 8-bit glove: held %.1f ms behind, error %.4f rad, %.4f N rms a step as it comes;\n"
          "  filtered: %.1f ms, %.4f rad, %.4f N rms; %d of %d samples had a jump, %d readings held back\n",
