@@ -5,6 +5,7 @@
 #define GLOVED_FORCE_H
 
 #include "gloved/hand.h"
+#include "gloved/setting.h"
 
 // Tension of each finger's tendon, newtons, from the wrenches that the person's limbs should feel
 // (the opposite of the coupling's force and torque on the simulated limbs).
@@ -26,6 +27,10 @@ typedef struct gv_limiter_config {
 } gv_limiter_config;
 
 gv_limiter_config gv_limiter_config_default(void);
+// The members with their hard bounds (src/safety/bounds.c). Null when all are within, else the first name.
+enum { GV_LIMITER_SETTINGS = 6 };
+extern const gv_setting gv_limiter_settings[GV_LIMITER_SETTINGS];
+const char *gv_limiter_check(const gv_limiter_config *cfg);
 
 typedef enum gv_limiter_flag {
   GV_LIMITER_VALUE = 1 << 0, GV_LIMITER_SLEW = 1 << 1, GV_LIMITER_AGE = 1 << 2,

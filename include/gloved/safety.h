@@ -12,6 +12,8 @@
 #include <stdbool.h>
 #include <stdint.h>
 
+#include "gloved/setting.h"
+
 typedef enum gv_safety_state {
   GV_SAFETY_START, GV_SAFETY_WAIT, GV_SAFETY_READY, GV_SAFETY_ARMED, GV_SAFETY_ACTIVE, GV_SAFETY_FAULT, GV_SAFETY_STOPPED
 } gv_safety_state;
@@ -58,6 +60,10 @@ typedef struct gv_safety {
 } gv_safety;
 
 gv_safety_config gv_safety_config_default(void);
+// The members with their hard bounds (src/safety/bounds.c). Null when all are within, else the first name.
+enum { GV_SAFETY_SETTINGS = 6 };
+extern const gv_setting gv_safety_settings[GV_SAFETY_SETTINGS];
+const char *gv_safety_check(const gv_safety_config *cfg);
 void gv_safety_init(gv_safety *safety, const gv_safety_config *cfg);
 // One period. Returns the new state; forces may leave only in ARMED and ACTIVE.
 gv_safety_state gv_safety_step(gv_safety *safety, const gv_safety_input *in, double dt_s);

@@ -125,9 +125,17 @@ static void fit_limiter(program *p) {
           p->settings.limiter.max_n, p->settings.limiter.pretension_n, p->settings.limiter.slew_n_per_s);
 }
 
+// Within the bounds of the code, but laxer than the default: nobody shall wear the glove without knowing it.
+static void tell_laxer(const program *p) {
+  char laxer[GV_LAXER_TEXT];
+  gv_settings_laxer(&p->settings.limiter, &p->settings.safety, laxer);
+  if (*laxer) fprintf(stderr, "gloved: protects less than the defaults (in brackets): %s\n", laxer);
+}
+
 static int set_up(program *p) {
   if (gv_options_settings(&p->options, &p->settings, p->err, sizeof p->err)) return -1;
   fit_limiter(p);
+  tell_laxer(p);
   if (open_world(p)) return -1;
   if (gv_device_open(&p->settings, &p->driver, &p->pace, p->err, sizeof p->err)) return -1;
   if (p->err[0]) fprintf(stderr, "gloved: %s\n", p->err);

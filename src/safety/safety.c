@@ -2,6 +2,7 @@
 // The safety state machine (drawn in gloved/safety.h). Real-time thread; pure.
 #include "gloved/safety.h"
 
+#include <math.h>
 #include <stddef.h>
 
 #include "safety/source.h"
@@ -35,7 +36,10 @@ static double leak(double level, unsigned events, double dt_s, double window_s) 
   return kept + events;
 }
 
-static uint32_t present_faults(gv_safety *s, const gv_safety_input *in) {
+// Half of the window's periods: where few fit into it, a limit above their number would never be passed.
+static double most_overruns(const gv_safety_config *c, double dt_s) { return fmax(2.0, 0.5 * c->bad_window_s / dt_s); }
+
+static uint32_t present_faults(gv_safety *s, const gv_safety_input *in, double dt_s) {
   const gv_safety_config *c = &s->cfg;
   uint32_t f = in->doubts & passing;
   if (!in->glove_seen || !fresh(in->glove_age_s, in->glove_interval_s, c->max_age_s)) f |= GV_FAULT_GLOVE_STALE;
@@ -43,7 +47,7 @@ static uint32_t present_faults(gv_safety *s, const gv_safety_input *in) {
   if (in->status_seen && !fresh(in->status_age_s, in->status_interval_s, c->status_age_s)) f |= GV_FAULT_STATUS_STALE;
   if (s->bad_level > c->bad_limit) f |= GV_FAULT_FRAMES;
   if (!in->finite) f |= GV_FAULT_NOT_FINITE;
-  if (s->overrun_level > c->overrun_limit) f |= GV_FAULT_OVERRUN;
+  if (s->overrun_level > fmin(c->overrun_limit, most_overruns(c, dt_s))) f |= GV_FAULT_OVERRUN;
   if (in->device_fault) f |= GV_FAULT_DEVICE;
   return f;
 }
@@ -73,7 +77,7 @@ static gv_safety_state next_state(gv_safety *s, const gv_safety_input *in, uint3
 gv_safety_state gv_safety_step(gv_safety *s, const gv_safety_input *in, double dt_s) {
   s->bad_level = leak(s->bad_level, in->bad_frames, dt_s, s->cfg.bad_window_s);
   s->overrun_level = leak(s->overrun_level, in->overruns, dt_s, s->cfg.bad_window_s);
-  uint32_t faults = present_faults(s, in);
+  uint32_t faults = present_faults(s, in, dt_s);
   if (!in->dead_man && in->glove_seen) s->released = true;
   gv_safety_state next = in->stop ? GV_SAFETY_STOPPED : next_state(s, in, faults);
   if (next == GV_SAFETY_FAULT) {

@@ -106,6 +106,12 @@ END
 [ $? -eq 0 ] && [ "$words" -eq "$code" ] && [ ! -s "$tmp/err" ] && [ "$(grep -cE '^(PASS|WARN|FAIL) ' "$tmp/out")" -ge 14 ]
 verdict doctor_says_the_worst_in_its_exit_code $? "exit $words and $code: $(cat "$tmp/why" "$tmp/err" "$tmp/out")"
 
+printf 'version = 1;\nlimiter = { ramp_s = 0.03; };\n' > "$tmp/lax.conf"
+"$gloved" --config "$tmp/lax.conf" --fcu "$press?speed=0" --lcm none --duration 0.1 --summary "$tmp/lax.json" > "$tmp/out" 2> "$tmp/err" &&
+  grep -qF 'less than the defaults (in brackets): limiter.ramp_s 0.03 (0.015)' "$tmp/err" && grep -qF 'limiter.ramp_s 0.03 (0.015)' "$tmp/out" &&
+  grep -qF '"laxer_than_default": "limiter.ramp_s 0.03 (0.015)"' "$tmp/lax.json"
+verdict laxer_than_the_default_is_said_at_every_start $? "$(cat "$tmp/err" "$tmp/out")"
+
 printf 'version = 1;\nrate_hz = 500.0;\nlcm = "none";\n' > "$tmp/rate.conf"
 "$gloved" --config "$tmp/rate.conf" --check --fcu "$press" > "$tmp/out" 2>&1 && grep -q ' 500 Hz, step 2 ms' "$tmp/out"
 verdict config_over_defaults $? "$(cat "$tmp/out")"

@@ -176,7 +176,7 @@ def daemon_brakes_the_fingers_of_a_lucidglove():
     script = path("press.user", PRESS)
     glove, tracker = Sim("lucidglove", "--script", script), Sim("fastrak", "--script", script)
     # Generous ages, so that a busy machine does not end the press.
-    conf = path("lucid.conf", "version = 1;\nsafety = { max_age_s = 0.9; overrun_limit = 10000; };\nlimiter = { max_age_s = 0.9; };\n")
+    conf = path("lucid.conf", "version = 1;\nsafety = { max_age_s = 0.2; overrun_limit = 100; };\nlimiter = { max_age_s = 0.2; };\n")
     summary = path("lucid.json")
     result = run(GLOVED, "--config", conf, "--fcu", f"serial:{glove.link}?type=lucidglove", "--tracker", f"serial:{tracker.link}?type=fastrak",
                  "--duration", "4.5", "--lcm", "none", "--no-rt", "--summary", summary)

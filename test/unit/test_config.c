@@ -54,7 +54,7 @@ static void test_example_equals_the_defaults(void) {
   SAME(engine.period_s); SAME(engine.rest_s); SAME(engine.override_gravity_m_s2);
   SAME(engine.override_mass_kg); SAME(engine.override_mu); SAME(engine.override_sphere_inertia);
   SAME(limiter.max_n); SAME(limiter.finger_max_n); SAME(limiter.pretension_n); SAME(limiter.slew_n_per_s); SAME(limiter.ramp_s); SAME(limiter.max_age_s);
-  SAME(safety.max_age_s); SAME(safety.arm_below_n); SAME(safety.bad_limit); SAME(safety.bad_window_s);
+  SAME(safety.max_age_s); SAME(safety.status_age_s); SAME(safety.arm_below_n); SAME(safety.bad_limit); SAME(safety.bad_window_s);
   SAME(safety.overrun_limit);
   SAME(T_world_tracker); SAME(scene); SAME(fcu); SAME(tracker); SAME(lcm); SAME(calibration); SAME(rate_hz); SAME(cpu); SAME(rt_priority);
   SAME(mlock);
@@ -114,7 +114,7 @@ static void test_settings_arrive(void) {
                       "contact = { narrow = \"libccd\"; mu_hand = 1; friction = \"fixed_limit\"; erp = 0.5; cfm = 0.01; world_cfm = 1e-9; margin_mm = 1; };\n"
                       "solver = { step_s = 0.002; method = \"quickstep\"; rest_s = 1.5; };\n"
                       "override = { gravity_m_s2 = 1.5; mass_kg = 2; mu = 3; sphere_inertia = true; };\n"
-                      "limiter = { max_n = 3.5; slew_n_per_s = 100; ramp_s = 0.1; max_age_s = 0.02; };\n"
+                      "limiter = { max_n = 3.5; slew_n_per_s = 100; ramp_s = 0.04; max_age_s = 0.02; };\n"
                       "safety = { max_age_s = 0.03; arm_below_n = 0.2; bad_limit = 3; bad_window_s = 0.5; overrun_limit = 7; };\n",
                       &s) == 0, "%s", err);
   CHECK(!strcmp(s.scene, "a.scene") && !strcmp(s.fcu, "trace:b.log") && !strcmp(s.lcm, "none"), "texts");
@@ -137,7 +137,7 @@ static void test_settings_arrive(void) {
   CHECK(s.engine.rest_s == 1.5, "solver");
   CHECK(s.engine.override_gravity_m_s2 == 1.5 && s.engine.override_mass_kg == 2 && s.engine.override_mu == 3 &&
         s.engine.override_sphere_inertia, "override");
-  CHECK(s.limiter.max_n == 3.5 && s.limiter.slew_n_per_s == 100 && s.limiter.ramp_s == 0.1 && s.limiter.max_age_s == 0.02,
+  CHECK(s.limiter.max_n == 3.5 && s.limiter.slew_n_per_s == 100 && s.limiter.ramp_s == 0.04 && s.limiter.max_age_s == 0.02,
         "limiter");
   CHECK(s.safety.max_age_s == 0.03 && s.safety.arm_below_n == 0.2 && s.safety.bad_limit == 3 &&
         s.safety.bad_window_s == 0.5 && s.safety.overrun_limit == 7, "safety");
@@ -228,6 +228,56 @@ static const mistake settings_mistakes[] = {
   {V "limiter = { max_n = 3;\n", ":", "bracket"},
   {"\xff\xfe garbage", ":1: ", "syntax error"},
 };
+
+// No configuration makes forces rise, last or go on for longer than the bounds in the code.
+static void test_no_file_passes_the_bounds_of_safety(void) {
+  static const char *const refused[] = {
+    "limiter = { ramp_s = 1.0; };", "limiter = { max_age_s = 1.0; };", "limiter = { slew_n_per_s = 10000.0; };",
+    "limiter = { max_n = 13.0; };", "limiter = { pretension_n = 2.0; };", "limiter = { finger_max_n = [12, 12, 12, 12, 13]; };",
+    "safety = { max_age_s = 1.0; };", "safety = { status_age_s = 1.0; };", "safety = { arm_below_n = 12.0; };",
+    "safety = { bad_limit = 10000; };", "safety = { overrun_limit = 10000; };", "safety = { bad_window_s = 0.001; };",
+  };
+  char text[200];
+  gv_settings s;
+  for (size_t i = 0; i < sizeof refused / sizeof *refused; i++) {
+    snprintf(text, sizeof text, V "%s\n", refused[i]);
+    CHECK(load_settings(text, &s) != 0, "%s passes as sound", refused[i]);
+    CHECK(strstr(err, ":2: ") && strstr(err, "give a number from"), "%s: %s", refused[i], err);
+  }
+}
+
+static bool has_row(const gv_setting rows[], int count, size_t offset) {
+  for (int i = 0; i < count; i++)
+    if (rows[i].offset == offset) return true;
+  return false;
+}
+
+// Every row's default lies within its bounds and is not laxer than itself; every member has its row.
+static void test_every_setting_of_safety_has_bounds(void) {
+  const gv_limiter_config limiter = gv_limiter_config_default();
+  const gv_safety_config safety = gv_safety_config_default();
+  CHECK(gv_limiter_check(&limiter) == NULL && gv_safety_check(&safety) == NULL, "a default is out of bounds");
+  for (size_t at = 0; at < sizeof limiter; at += sizeof(double))
+    CHECK(has_row(gv_limiter_settings, GV_LIMITER_SETTINGS, at) ||
+          (at > offsetof(gv_limiter_config, finger_max_n) && at < offsetof(gv_limiter_config, pretension_n)), "limiter at %zu", at);
+  CHECK(GV_SAFETY_SETTINGS == 6 && sizeof safety == 4 * sizeof(double) + 4 * sizeof(unsigned), "a member without a row");
+}
+
+static void test_what_protects_less_than_the_default_is_told(void) {
+  char laxer[GV_LAXER_TEXT];
+  gv_settings s;
+  gv_settings_default(&s);
+  gv_settings_laxer(&s.limiter, &s.safety, laxer);
+  CHECK(!*laxer, "the defaults: %s", laxer);
+  CHECK(load_settings(V "limiter = { ramp_s = 0.01; max_n = 3.0; }; safety = { bad_window_s = 0.2; };\n", &s) == 0, "%s", err);
+  gv_settings_laxer(&s.limiter, &s.safety, laxer);
+  CHECK(!*laxer, "stricter: %s", laxer);
+  CHECK(load_settings(V "limiter = { ramp_s = 0.03; finger_max_n = [12.0, 12.0, 12.0, 12.1, 1.0]; }; safety = { bad_window_s = 0.05; "
+                      "bad_limit = 12; };\n", &s) == 0, "%s", err);
+  gv_settings_laxer(&s.limiter, &s.safety, laxer);
+  CHECK(!strcmp(laxer, "limiter.finger_max_n 12.1 (12), limiter.ramp_s 0.03 (0.015), safety.bad_limit 12 (10), "
+                "safety.bad_window_s 0.05 (0.1)"), "%s", laxer);
+}
 
 // A word alone names the solver; presets set it, and a later word wins.
 static void test_solver_by_its_name(void) {
@@ -338,6 +388,9 @@ int main(void) {
   RUN(test_solver_by_its_name);
   RUN(test_period_is_the_loops);
   RUN(test_unknown_enumerations_are_refused);
+  RUN(test_no_file_passes_the_bounds_of_safety);
+  RUN(test_every_setting_of_safety_has_bounds);
+  RUN(test_what_protects_less_than_the_default_is_told);
   RUN(test_wrong_settings_are_refused);
   RUN(test_wrong_calibrations_are_refused);
   RUN(test_files_that_are_no_text);

@@ -5,14 +5,13 @@
 #include "daemon/load/config_load.h"
 
 #include <stdio.h>
-#include <stdlib.h>
 #include <string.h>
 
 #include "daemon/load/conf.h"
+#include "daemon/load/settings_table.h"
 #include "gloved/drivers.h"
 
 #define DEG (GV_PI / 180)
-#define MAX_TENSION_N 12.285     // what a force command can carry (gloved/fcu.h)
 
 void gv_settings_default(gv_settings *out) {
   memset(out, 0, sizeof *out);
@@ -32,22 +31,15 @@ void gv_settings_default(gv_settings *out) {
 
 // ---- numbers in the units of the file -------------------------------------------------------------
 
-// Shifts the decimal point, so that 40.3 mm becomes the very number that 0.0403 m is (40.3 / 1000 does not).
-static double metres(double mm) {
-  char text[40];
-  snprintf(text, sizeof text, "%.12fe-3", mm);
-  return strtod(text, NULL);
-}
-
 static void read_mm(gv_conf_group *group, const char *key, double min, double max, double *out) {
   double value;
-  if (gv_conf_number(group, key, min, max, &value)) *out = metres(value);
+  if (gv_conf_number(group, key, min, max, &value)) *out = gv_settings_metres(value);
 }
 
 static void read_vector_mm(gv_conf_group *group, const char *key, double min, double max, gv_vec3 *out) {
   double v[3];
   if (gv_conf_numbers(group, key, min, max, 3, "[x, y, z] in millimetres", v))
-    *out = gv_v3(metres(v[0]), metres(v[1]), metres(v[2]));
+    *out = gv_v3(gv_settings_metres(v[0]), gv_settings_metres(v[1]), gv_settings_metres(v[2]));
 }
 
 // Five rows of three, thumb to little finger. True where they were read.
@@ -58,7 +50,7 @@ static bool read_fingers_mm(gv_conf_group *group, const char *key, double min, d
     return gv_conf_fail(rows, "'%s' must be 5 rows, thumb to little finger; write ( [a, b, c], ... )", key);
   for (int i = 0; i < GV_FINGERS; i++) {
     if (!gv_conf_entry_numbers(gv_conf_entry(rows, i), min, max, 3, "[a, b, c] in millimetres", out[i])) return false;
-    for (int k = 0; k < 3; k++) out[i][k] = metres(out[i][k]);
+    for (int k = 0; k < 3; k++) out[i][k] = gv_settings_metres(out[i][k]);
   }
   return true;
 }
@@ -223,32 +215,15 @@ static void read_override(gv_conf_group *root, gv_config *out) {
 
 // ---- forces and process ---------------------------------------------------------------------------
 
-static void read_limiter(gv_conf_group *root, gv_limiter_config *out) {
-  gv_conf_group limiter;
-  if (!gv_conf_enter(root, "limiter", &limiter)) return;
-  gv_conf_number(&limiter, "max_n", 0, MAX_TENSION_N, &out->max_n);
-  gv_conf_numbers(&limiter, "finger_max_n", 0, MAX_TENSION_N, GV_FINGERS, "[thumb, index, middle, ring, little]", out->finger_max_n);
-  gv_conf_number(&limiter, "pretension_n", 0, 2, &out->pretension_n);
-  gv_conf_number(&limiter, "slew_n_per_s", 1, 1e5, &out->slew_n_per_s);
-  gv_conf_number(&limiter, "ramp_s", 0.001, 1, &out->ramp_s);
-  gv_conf_number(&limiter, "max_age_s", 0.001, 1, &out->max_age_s);
-  gv_conf_leave(&limiter);
-}
-
-static void read_count(gv_conf_group *group, const char *key, unsigned *out) {
-  int value;
-  if (gv_conf_integer(group, key, 1, 10000, &value)) *out = (unsigned)value;
-}
-
-static void read_safety(gv_conf_group *root, gv_safety_config *out) {
-  gv_conf_group safety;
-  if (!gv_conf_enter(root, "safety", &safety)) return;
-  gv_conf_number(&safety, "max_age_s", 0.001, 1, &out->max_age_s);
-  gv_conf_number(&safety, "arm_below_n", 0, MAX_TENSION_N, &out->arm_below_n);
-  read_count(&safety, "bad_limit", &out->bad_limit);
-  gv_conf_number(&safety, "bad_window_s", 0.001, 10, &out->bad_window_s);
-  read_count(&safety, "overrun_limit", &out->overrun_limit);
-  gv_conf_leave(&safety);
+static void read_protection(gv_conf_group *root, gv_settings *out) {
+  gv_conf_group group;
+  if (gv_conf_enter(root, "limiter", &group)) {
+    gv_settings_read_rows(&group, gv_limiter_settings, GV_LIMITER_SETTINGS, &out->limiter);
+    gv_conf_leave(&group);
+  }
+  if (!gv_conf_enter(root, "safety", &group)) return;
+  gv_settings_read_rows(&group, gv_safety_settings, GV_SAFETY_SETTINGS, &out->safety);
+  gv_conf_leave(&group);
 }
 
 static void read_realtime(gv_conf_group *root, gv_settings *out) {
@@ -301,8 +276,7 @@ static void read_settings(gv_conf_group *root, gv_settings *out) {
   read_contact(root, &out->engine);
   read_solver(root, &out->engine);
   read_override(root, &out->engine);
-  read_limiter(root, &out->limiter);
-  read_safety(root, &out->safety);
+  read_protection(root, out);
   gv_conf_leave(root);
 }
 

@@ -33,6 +33,10 @@ typedef struct gv_settings {
   bool mlock;                        // keep all memory in RAM
 } gv_settings;
 
+// Settings that protect a person less than their defaults, each with its default, in one line; empty: none.
+enum { GV_LAXER_TEXT = 512 };
+void gv_settings_laxer(const gv_limiter_config *limiter, const gv_safety_config *safety, char out[GV_LAXER_TEXT]);
+
 void gv_settings_default(gv_settings *out);
 // The defaults, then the file's preset, then everything else that the file sets (the calibration file is
 // read too). 0, or negative with the reason in err; *out is then not to be used.

@@ -6,6 +6,7 @@
 #include <inttypes.h>
 #include <math.h>
 
+#include "daemon/load/config_load.h"
 #include "daemon/tell/json.h"
 
 static void put_number(FILE *out, double value) {
@@ -92,6 +93,10 @@ int gv_summary_json(const gv_summary *s, FILE *out) {
   gv_json_text(out, gv_safety_name(s->loop->state_before_stop));
   fputs(",\n  \"faults\": ", out);
   gv_json_text(out, gv_fault_text(session->faults_seen));
+  fputs(",\n  \"laxer_than_default\": ", out);
+  char laxer[GV_LAXER_TEXT];
+  gv_settings_laxer(&session->cfg.limiter, &session->cfg.safety, laxer);
+  gv_json_text(out, laxer);
   fputs(",\n  \"period_s\": ", out);
   put_number(out, session->cfg.period_s);
   fputs(",\n", out);
@@ -138,6 +143,9 @@ void gv_summary_print(const gv_summary *s, FILE *out) {
     fprintf(out, "  steps begun by the glove's frame %" PRIu64 ", by the own clock %" PRIu64 "\n", loop->on_frame, loop->on_clock);
   fprintf(out, "  frames in %" PRIu64 ", out %" PRIu64 ", lost %" PRIu64 ", bad %" PRIu64 ", late %" PRIu64 "\n",
           session->frames.rx, session->frames.tx, session->frames.lost, session->frames.bad + s->driver.bad, session->frames.late);
+  char laxer[GV_LAXER_TEXT];
+  gv_settings_laxer(&session->cfg.limiter, &session->cfg.safety, laxer);
+  if (*laxer) fprintf(out, "  protected less than by the defaults (in brackets): %s\n", laxer);
   if (s->telemetry_failed) fprintf(out, "  %" PRIu64 " messages were refused by LCM or the disk\n", s->telemetry_failed);
   fprintf(out, "  state hash %016" PRIx64 "\n", gv_engine_hash(session->engine));
 }

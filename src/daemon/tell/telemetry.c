@@ -6,6 +6,8 @@
 // allocate here (the generated *_publish calls malloc for each).
 #include "daemon/tell/telemetry.h"
 
+#include "daemon/load/config_load.h"
+
 #include <fcntl.h>
 #include <lcm/lcm.h>
 #include <math.h>
@@ -333,6 +335,10 @@ static void send_stats(gv_telemetry *telemetry, const gv_snapshot *snapshot) {
     .limb_k_f = snapshot->limb_coupling.k_f, .limb_k_t = snapshot->limb_coupling.k_t, .palm_k_f = snapshot->palm_coupling.k_f,
     .palm_k_t = snapshot->palm_coupling.k_t, .mu_hand = snapshot->mu_hand,
     .force_limit_n = telemetry->loop->session->cfg.limiter.max_n};
+  static char laxer[GV_LAXER_TEXT];
+  const gv_session_config *session = &telemetry->loop->session->cfg;
+  gv_settings_laxer(&session->limiter, &session->safety, laxer);
+  out->laxer_than_default = laxer;
   put_counters(telemetry, snapshot, out);
   put_histograms(&telemetry->statistics, telemetry->loop);
   send_message(telemetry, "GLOVED_STATS", out->utime, gloved_stats_t_encode(telemetry->message, 0, MESSAGE_MAX, out));
