@@ -30,6 +30,7 @@ LIB     := $(B)/libgloved.a
 
 RUN_PACKAGES  := gcc libc6-dev libode-dev libccd-dev liblcm-dev liblcm-bin libconfig-dev zlib1g-dev
 TEST_PACKAGES := $(RUN_PACKAGES) clang perl python3-venv can-utils glmark2-data valgrind
+RT_PACKAGES   := qemu-system-x86 busybox-static cpio python3
 CAN_PACKAGES  := can-utils user-mode-linux kmod iproute2
 
 .DEFAULT_GOAL := help
@@ -129,8 +130,13 @@ test-can: build/.can-packages build/venv/.ready
 	$(Q)$(MAKE) --no-print-directory all
 	$(Q)B=$(B) test/can/run
 
+## test-rt: a grasp on a PREEMPT_RT kernel in an emulated machine (no root needed; 70 MB at first use, about 90 s)
+test-rt: build/.rt-packages
+	$(Q)$(MAKE) --no-print-directory all
+	$(Q)B=$(B) sh test/rt/run
+
 ## all: build the daemon, the tools and the tests
-all: $(B)/gloved $(TOOLS:%=$(B)/%) $(TESTS:%=$(B)/test/%) $(B)/test/bench_engine
+all: $(B)/gloved $(TOOLS:%=$(B)/%) $(TESTS:%=$(B)/test/%) $(B)/test/bench_engine $(B)/test/bench_latency
 
 # Meshes that become scenes (about 5 s each, the full bunny 20 s): things of our own, and Debian's bunny.
 # gloved-scene and gloved-shapes make the virtual environment that they need. Masses in kilograms.
@@ -181,6 +187,12 @@ bench: bench-peers
 	$(Q)$(MAKE) --no-print-directory $(B)/test/bench_engine $(B)/test/bench_mujoco $(B)/test/bench_pairs
 	$(Q)build/venv-bench/bin/python test/bench/bench.py $(B) $(BENCH)
 
+## latency: from a glove's frame to its force over UDP beside a bare echo, and the wake-up beside cyclictest (6 minutes)
+latency: build/venv-plot/.done
+	$(Q)tools/packages rt-tests
+	$(Q)$(MAKE) --no-print-directory $(B)/gloved $(B)/test/bench_latency
+	$(Q)build/venv-plot/bin/python test/bench/latency.py $(B) $(ROUNDS)
+
 ## instructions: what a step costs, for test_instructions to compare with (then say in the commit why it changed)
 instructions: $(B)/test/bench_engine
 	$(Q)B=$(B) python3 test/replay/test_instructions.py --update
@@ -216,6 +228,9 @@ build/.test-packages: build/.run-packages
 	@touch $@
 build/.can-packages: build/.test-packages
 	$(Q)tools/packages $(CAN_PACKAGES)
+	@touch $@
+build/.rt-packages: build/.test-packages
+	$(Q)tools/packages $(RT_PACKAGES)
 	@touch $@
 build/.fuzz-packages: build/.run-packages
 	$(Q)tools/packages clang libclang-rt-dev
@@ -259,6 +274,9 @@ $(B)/gloved-trace: $(call OBJ,$(wildcard tools/trace/*.c))
 $(B)/test/bench_engine: $(B)/test/bench/bench_engine.o $(LIB)
 	@mkdir -p $(@D)
 	$(Q)$(CC) $(LDFLAGS) -Wl,--wrap=gv_engine_collide,--wrap=gv_dynamics_step $^ $(LDLIBS) -o $@
+$(B)/test/bench_latency: $(B)/test/bench/bench_latency.o $(LIB)
+	@mkdir -p $(@D)
+	$(Q)$(CC) $(LDFLAGS) $^ $(LDLIBS) -o $@
 MUJOCO   = $(firstword $(wildcard build/venv-bench/lib/python3*/site-packages/mujoco))
 $(B)/test/bench_mujoco: test/bench/bench_mujoco.c $(LIB) build/venv-bench/.done
 	@mkdir -p $(@D)
@@ -286,5 +304,5 @@ clean:
 help:
 	@sed -n 's/^## //p' $(MAKEFILE_LIST)
 
-.PHONY: run test test-can all bench bench-peers instructions bench-accuracy golden traces layers fuzz clean help
+.PHONY: run test test-can test-rt all bench latency bench-peers instructions bench-accuracy golden traces layers fuzz clean help
 -include $(shell find $(B) -name '*.d' 2>/dev/null)
