@@ -194,8 +194,8 @@ latency: build/venv-plot/.done
 	$(Q)build/venv-plot/bin/python test/bench/latency.py $(B) $(ROUNDS)
 
 ## instructions: what a step costs, for test_instructions to compare with (then say in the commit why it changed)
-instructions: $(B)/test/bench_engine
-	$(Q)B=$(B) python3 test/replay/test_instructions.py --update
+instructions: $(B)/test/bench_engine $(B)/test/test_crowd
+	$(Q)B=$(B) python3 test/replay/test_instructions.py --update && B=$(B) python3 test/replay/test_collision_bound.py --update
 
 ## bench-peers: install what the engine is measured against: MuJoCo, Bullet, coal
 bench-peers: build/venv-bench/.done

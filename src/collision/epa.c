@@ -18,8 +18,8 @@ static const double same_side = 1e-9;  // metres
 // Steps while the bounds have all but met: at touching corners rounding can let the search go round in circles.
 enum { CLOSE = 16 };
 
-// In operations: a search that ends at once, and each face that is grown at, beside the support points.
-enum { EPA_OPERATIONS = 150, GROW_OPERATIONS = 40 };
+// In operations, beside the support points: a search that ends at once, and each point that is added.
+enum { EPA_OPERATIONS = 150, ADD_OPERATIONS = 100 };
 
 enum { SEEDS = 7, SWEEP_FACES = 40, SWEEP_EDGES = 12 };  // a sweep asks at most 2 * 40 + 2 * 12 * 12 directions
 
@@ -108,7 +108,9 @@ static bool start_polytope(search *s) {
 static void add_seeds(search *s) {
   for (int i = 0; i < s->count; i++) {
     int seed = gv_polytope_most_visible(&s->polytope, s->w[i]);
-    if (seed >= 0) (void)gv_polytope_add(&s->polytope, (uint16_t)i, seed);
+    if (seed < 0) continue;
+    *s->cso->operations += ADD_OPERATIONS;
+    (void)gv_polytope_add(&s->polytope, (uint16_t)i, seed);
   }
 }
 
@@ -134,7 +136,7 @@ static int find_pierced_face(const gv_polytope *P, gv_vec3 n) {
 // Asks beyond the face and adds what is there. False where it is final: no point lies further out.
 static bool grow_at(search *s, int f) {
   gv_polytope *P = &s->polytope;
-  *s->cso->operations += GROW_OPERATIONS + P->face_count / 2;  // both searches of the faces
+  *s->cso->operations += ADD_OPERATIONS + P->face_count / 2;  // both searches of the faces
   double offset = P->face[f].offset, h = ask_beyond(s, &P->face[f]);
   if (h < s->best) s->best = h, s->best_normal = P->face[f].normal;
   if (h - offset <= P->tolerance) return false;

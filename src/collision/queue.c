@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// The pairs of a step by urgency, within a budget. A pair's urgency is its depth at its last answer, and for each step in
-// which it was left out, by how much its surfaces may have come nearer since: so none waits for ever behind deeper ones.
+// The pairs of a step by urgency, within a budget. A pair's urgency is its depth at its last answer. Each step in which it
+// is left out it counts as twice as deep, and as deeper by how much its surfaces may have come nearer: none waits long
+// behind deeper ones (a touch behind overlaps of 50 mm for eight steps).
 // All of it is kept with the pair's warm start; no clock is asked, and the same scene gives the same order.
 // Cost: 3 instructions a pair; in a crowded step 60 a pair more. Real-time thread.
 #include "collision/queue.h"
@@ -70,7 +71,9 @@ int gv_queue_finish(gv_queue *queue) {
   const gv_broad *broad = queue->broad;
   for (int i = 0; i < queue->count; i++) {
     const gv_candidate *left = &broad->pair[queue->crowded ? queue->heap[i] : queue->next + i];
-    left->cache->urgency_m += (float)(broad->margin[left->body_a] + broad->margin[left->body_b]);
+    const float came_nearer = (float)(broad->margin[left->body_a] + broad->margin[left->body_b]);
+    const float urgency = left->cache->urgency_m;
+    left->cache->urgency_m = urgency > 0.0f ? 2.0f * urgency + came_nearer : came_nearer;
   }
   return queue->count;
 }

@@ -12,15 +12,24 @@ typedef struct rub { gv_friction friction; double mu; int material; } rub;
 // Velocity of a body's point after the step without contacts.
 static gv_vec3 point_velocity(const gv_body_state *s, gv_vec3 p) { return gv_add(s->v, gv_cross(s->w, gv_sub(p, s->T.p))); }
 
-// The place for one more contact, or -1 where the list is full of deeper ones.
+static int find_shallowest(const gv_engine *e) {
+  int shallow = 0;
+  for (int i = 1; i < GV_MAX_CONTACTS; i++)
+    if (e->contact[i].depth_m < e->contact[shallow].depth_m) shallow = i;
+  return shallow;
+}
+
+// The place for one more contact, or -1 where the list is full of deeper ones. The shallowest is looked for only once
+// between two that take its place: most of a crowd's contacts are shallower still.
 static int contact_slot(gv_engine *e, double depth) {
   if (e->contact_count < GV_MAX_CONTACTS) return e->contact_count++;
   e->events |= GV_EVENT_CONTACTS_DROPPED;
   e->counters.contacts_dropped++;
-  int shallow = 0;
-  for (int i = 1; i < GV_MAX_CONTACTS; i++)
-    if (e->contact[i].depth_m < e->contact[shallow].depth_m) shallow = i;
-  return depth > e->contact[shallow].depth_m ? shallow : -1;
+  if (e->shallowest < 0) e->shallowest = find_shallowest(e);
+  const int slot = e->shallowest;
+  if (depth <= e->contact[slot].depth_m) return -1;
+  e->shallowest = -1;
+  return slot;
 }
 
 // The friction pyramid is exact along its first direction: it lies along the coming slip.
@@ -159,6 +168,7 @@ void gv_engine_put_to_rest(gv_engine *e) {
 
 void gv_engine_collide(gv_engine *e) {
   e->contact_count = 0;
+  e->shallowest = -1;
   gv_rest_list_moving(&e->rest, e->scene);
   if (e->placed) bound_hand(e);
   bound_objects(e);

@@ -32,6 +32,7 @@ struct gv_engine {
   gv_queue queue;                      // pairs of this step in the order in which they are asked
   int collision_budget;                // operations that the pairs of a step may take
   int contact_count;
+  int shallowest;                      // of a full list of contacts; -1: not known
   gv_contact contact[GV_MAX_CONTACTS];
   gv_dynamics_contact solver_contact[GV_MAX_CONTACTS];
   gv_counters counters;
