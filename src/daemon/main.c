@@ -28,6 +28,7 @@ typedef struct program {
   gv_pace pace;
   gv_telemetry *telemetry;
   gv_recorder recorder;
+  gv_black_box *black_box;   // null: none
   FILE *summary_file;        // null: not asked for
   gv_session session;
   gv_loop loop;
@@ -117,6 +118,19 @@ static int open_recorder(program *p) {
   return gv_recorder_open(&p->recorder, p->options.record, p->settings.fcu, p->err, sizeof p->err);
 }
 
+// For a hand: a replay has its recording already.
+static int open_black_box(program *p) {
+  char folder[512];
+  const bool replay = p->pace == GV_PACE_FREE || strncmp(p->settings.fcu, "trace:", 6) == 0;
+  if (replay || strcmp(p->settings.black_box, "none") == 0) return 0;
+  if (gv_black_box_folder(p->settings.black_box, folder, p->err, sizeof p->err)) return -1;
+  if (p->options.check) return 0;
+  p->black_box = gv_black_box_open(folder, p->settings.fcu, p->settings.rate_hz);
+  if (p->black_box) return 0;
+  snprintf(p->err, sizeof p->err, "no memory for the black box; close other programs, or leave it out with --black-box none");
+  return -1;
+}
+
 // The limiter never asks for more than the device takes.
 static void fit_limiter(program *p) {
   const gv_channel *channel = gv_fcu_channel(p->settings.fcu);
@@ -143,7 +157,7 @@ static int set_up(program *p) {
     snprintf(p->err, sizeof p->err, "--fcu %s: its frames come when they are asked for; --sync device is for a device on a wire", p->settings.fcu);
     return -1;
   }
-  if (open_telemetry(p) || open_recorder(p)) return -1;
+  if (open_telemetry(p) || open_recorder(p) || open_black_box(p)) return -1;
   return open_summary(p);
 }
 
@@ -170,6 +184,7 @@ static void start_loop(program *p) {
     .strict = settings->strict,
     .sync_device = settings->sync_device,
     .record = p->recorder.file != NULL,
+    .black_box = p->black_box != NULL,
     .realtime = p->pace == GV_PACE_FREE ? none : realtime,
   };
   gv_session_init(&p->session, &session, p->world.engine);
@@ -194,7 +209,8 @@ static int change_scene(program *p) {
 // 0 when it has ended, negative where it does not start.
 static int run_loop(program *p) {
   if (gv_loop_start(&p->loop) != 0) return -1;
-  gv_slow_run(&p->loop, p->telemetry, &p->recorder, &p->view);
+  const gv_listeners to = {p->telemetry, &p->recorder, p->black_box, &p->view};
+  gv_slow_run(&p->loop, &to);
   gv_loop_join(&p->loop);
   return 0;
 }
@@ -261,6 +277,7 @@ static int close_recorder(program *p) {
 }
 
 static void tear_down(program *p) {
+  gv_black_box_close(p->black_box);
   if (p->telemetry) gv_telemetry_close(p->telemetry);
   if (p->driver.close) p->driver.close(p->driver.self);
   gv_world_close(&p->next);

@@ -65,6 +65,7 @@ int gv_options_parse(int argc, char **argv, gv_options *out, char *err, size_t e
     {"--lcm", &out->lcm, NULL, NULL, 0, 0},         {"--log", &out->log, NULL, NULL, 0, 0},
     {"--sync", &out->sync, NULL, NULL, 0, 0},
     {"--summary", &out->summary, NULL, NULL, 0, 0}, {"--record", &out->record, NULL, NULL, 0, 0},
+    {"--black-box", &out->black_box, NULL, NULL, 0, 0},
     {"--no-rt", NULL, NULL, &out->no_rt, 0, 0},
     {"--strict", NULL, NULL, &out->strict, 0, 0},
     {"--doctor", NULL, NULL, &out->doctor, 0, 0},   {"--json", NULL, NULL, &out->json, 0, 0},
@@ -101,6 +102,7 @@ int gv_options_settings(const gv_options *options, gv_settings *out, char *err, 
   set_text(out->fcu, options->fcu);
   set_text(out->tracker, options->tracker);
   set_text(out->lcm, options->lcm);
+  set_text(out->black_box, options->black_box);
   if (options->narrow && gv_settings_set_narrow(&out->engine, options->narrow)) {
     snprintf(err, err_size, "--narrow \"%.40s\" is not known; give core or libccd", options->narrow);
     return -1;
@@ -162,6 +164,7 @@ const char *gv_options_help(void) {
     "  --lcm URL|none    where to publish (udpm://239.255.76.67:7667?ttl=0)\n"
     "  --log FILE.lcm    write what is published into a log, too\n"
     "  --record FILE     write every frame in and out as a candump -L log; --fcu trace:FILE replays it\n"
+    "  --black-box DIR|none  folder for the ten seconds before a fault (~/.local/state/gloved, a service's own)\n"
     "  --summary FILE    write results and timing as JSON at exit\n"
     "  --strict          any system call of the real-time thread that it does not need ends the program (seccomp)\n"
     "  --no-rt           ordinary scheduling and memory\n"

@@ -30,7 +30,8 @@ class Run:
             file.write(f"{SCRIPT}{end_s}\n")
         self.said = path("gloved")
         engine = subprocess.Popen(
-            [B + "/gloved", "--fcu", f"udp://127.0.0.1:{a}?listen={b}", "--lcm", "none", "--record", path("record")],
+            [B + "/gloved", "--fcu", f"udp://127.0.0.1:{a}?listen={b}", "--lcm", "none", "--record", path("record"),
+             "--black-box", folder],
             stdout=open(self.said, "w", encoding="utf-8"), stderr=subprocess.STDOUT)
         device = subprocess.Popen(
             [B + "/fcusim", "--udp", f"udp://127.0.0.1:{b}?listen={a}", "--script", path("script"), "--forces", path("forces"),
@@ -188,6 +189,31 @@ def test_6_frozen_tracker(folder):
 
 def test_7_frozen_glove(folder):
     frozen_fault(folder, "frozen-glove", "110", "glove repeats a sample")
+
+
+def test_cable_out_leaves_a_black_box(folder):
+    """After a fault the time before it is there: frames that replay to the same fault, forces as they were commanded."""
+    run = Run(folder, "silence")
+    names = sorted(name for name in os.listdir(folder) if name.startswith("gloved-fault-"))
+    assert len(names) == 2, (names, run.text())
+    with open(os.path.join(folder, names[0]), encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    states = [row["state"] for row in rows]
+    assert states.index("active") < states.index("fault") and states[-1] == "fault", states[::50]
+    assert float(rows[-1]["time_s"]) - float(rows[states.index("fault")]["time_s"]) >= 0.45
+    assert all(int(b["step"]) - int(a["step"]) == 1 for a, b in zip(rows, rows[1:])), "steps are missing"
+    commanded = dict(run.commands)
+    for row in rows[:-1]:
+        ms = round(float(row["time_s"]) * 1e3)
+        largest = max(float(row[f"commanded{i}_n"]) for i in range(5))
+        assert abs(commanded[ms] - largest) <= 1.1 * COUNT_N, (ms, commanded[ms], largest)
+    trace = os.path.join(folder, names[1])
+    replay = subprocess.run([B + "/gloved", "--fcu", f"trace:{trace}?speed=0", "--lcm", "none"], stdout=subprocess.PIPE, text=True, check=False)
+    assert "data too old" in replay.stdout and replay.returncode == 1, replay.stdout
+    with open(trace, encoding="utf-8") as file:
+        assert 3 * len(rows) < len(list(file)) < 6 * len(rows)
+    log2asc = subprocess.run(["log2asc", "-I", trace, "can0"], stdout=subprocess.PIPE, check=True)
+    assert log2asc.stdout.count(b"CANFD") > 3 * len(rows)
 
 
 def went_on(run):

@@ -266,6 +266,7 @@ static void read_settings(gv_conf_group *root, gv_settings *out) {
   gv_conf_text(root, "fcu", out->fcu, sizeof out->fcu);
   gv_conf_text(root, "tracker", out->tracker, sizeof out->tracker);
   gv_conf_text(root, "lcm", out->lcm, sizeof out->lcm);
+  gv_conf_text(root, "black_box", out->black_box, sizeof out->black_box);
   read_calibration(root, out);
   read_realtime(root, out);
   read_hand(root, &out->engine.hand);

@@ -22,6 +22,7 @@ typedef struct gv_settings {
   char fcu[GV_SETTING_TEXT];         // --fcu
   char tracker[GV_SETTING_TEXT];     // --tracker; empty: the pose comes with the fcu
   char lcm[GV_SETTING_TEXT];         // --lcm; "none": nothing is published
+  char black_box[GV_SETTING_TEXT];   // --black-box; "none": nothing is kept; empty: the state directory
   char calibration[GV_SETTING_TEXT]; // file that engine.calibration was read from; empty: gv_calibration_default
   double rate_hz;                    // periods per second of the real-time loop
   int cpu;                           // core the loop is pinned to; -1: the last one, where there are several

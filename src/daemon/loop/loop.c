@@ -111,7 +111,8 @@ static void report_events(gv_loop *loop) {
 
 // Where the slow thread is more than 3 s behind, the rest is dropped and counted.
 static void record_frames(gv_loop *loop, const gv_frame *frame, int count, int64_t stamp_ns) {
-  for (int i = 0; loop->cfg.record && i < count; i++) {
+  const bool wanted = loop->cfg.record || loop->cfg.black_box;
+  for (int i = 0; wanted && i < count; i++) {
     gv_frame *recorded = gv_ring_reserve(&loop->frames);
     if (!recorded) continue;
     *recorded = frame[i];
@@ -142,6 +143,7 @@ static void push_steps(gv_loop *loop, int64_t wake_ns, int64_t work_ns) {
     const int rest = frame_count - first;
     gv_step_record_fill(loop->session, loop->now_ns, &loop->frame[first], rest < GV_STEP_FRAMES ? rest : GV_STEP_FRAMES, record);
     record->utime = loop->wall_us + loop->now_ns / 1000;
+    record->step_ns = loop->step_ns;
     record->wake_ns = (int32_t)wake_ns;
     record->work_ns = (int32_t)work_ns;
     gv_ring_commit(&loop->steps);
@@ -340,7 +342,7 @@ static gv_exit run(gv_loop *loop) {
     if (first) watch_faults(loop);
     const int64_t done_ns = clock_ns(CLOCK_MONOTONIC);
     add_times(loop, (const int64_t[]){start_ns, polled_ns, computed_ns, sent_ns, done_ns});
-    if (atomic_load_explicit(&loop->trace, memory_order_relaxed))
+    if (loop->cfg.black_box || atomic_load_explicit(&loop->trace, memory_order_relaxed))
       push_steps(loop, pace == GV_PACE_FREE ? 0 : start_ns - wake_ns, done_ns - start_ns);
     loop->frame_count = 0;
     if (pace == GV_PACE_FREE) continue;

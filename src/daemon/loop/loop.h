@@ -23,7 +23,7 @@ typedef enum gv_pace { GV_PACE_LIVE, GV_PACE_PACED, GV_PACE_FREE } gv_pace;
 enum {
   GV_LOOP_SNAPSHOTS = 32,    // 0.6 s of snapshots at 50 Hz before the first is dropped; 23 kB each
   GV_LOOP_RECORDS = 256,
-  GV_LOOP_STEPS = 2048,      // 2 s of step records at 1 kHz; 0.9 kB each, only while GLOVED_TRACE is wanted
+  GV_LOOP_STEPS = 2048,      // 2 s of step records at 1 kHz; 0.9 kB each, only while GLOVED_TRACE or a black box is wanted
   GV_LOOP_REQUESTS = 16,
   GV_LOOP_FRAMES = 256,      // frames taken per period: what a device of 1 kHz sends in 64 ms; the rest waits
   GV_LOOP_RECORDED = 16384,  // frames in and out for --record: 3 s at 5 a period of 1 kHz; 88 B each
@@ -37,6 +37,7 @@ typedef struct gv_loop_config {
   bool sync_device;          // live pace and a driver with a descriptor: its frame is the clock
   bool strict;               // the thread may make no system call but those of strict.h
   bool record;               // every frame goes into the ring `frames`
+  bool black_box;            // that, and every step goes into the ring `steps`
   gv_realtime_config realtime;
   unsigned alarm_s;          // SIGALRM so many seconds after the end, for a slow thread that hangs; 0: none
 } gv_loop_config;

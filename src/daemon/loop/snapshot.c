@@ -64,6 +64,7 @@ void gv_step_record_fill(const gv_session *session, int64_t now_ns, const gv_fra
   out->step = gv_session_steps(session);
   out->now_ns = now_ns;
   out->safety = session->safety.state;
+  out->faults = session->safety.faults;
   out->events = session->result.events;
   out->depth_m = 0.0;
   for (int i = 0; i < out->contacts; i++) out->depth_m = fmax(out->depth_m, contact[i].depth_m);

@@ -49,8 +49,10 @@ typedef struct gv_snapshot {
 enum { GV_STEP_FRAMES = 8 };
 typedef struct gv_step_record {
   int64_t step, now_ns, utime;  // as in gv_snapshot; session time
+  int64_t step_ns;              // step number x period: the stamp of its frames in a recording
   int32_t wake_ns, work_ns;     // deadline to start; start to end
   gv_safety_state safety;
+  uint32_t faults;              // gv_fault bits of the present fault
   uint32_t events;
   int contacts;
   double depth_m;               // deepest contact

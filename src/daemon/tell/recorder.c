@@ -22,20 +22,19 @@ int gv_recorder_open(gv_recorder *recorder, const char *path, const char *fcu, c
   return 0;
 }
 
-void gv_recorder_drain(gv_recorder *recorder, gv_ring *frames) {
-  const gv_frame *recorded;
+void gv_recorder_frame(gv_recorder *recorder, const gv_frame *recorded) {
   char line[GV_LOG_LINE_MAX + 1];
-  bool wrote = false;
-  while ((recorded = gv_ring_peek(frames))) {
-    gv_frame frame = *recorded;
-    gv_ring_release(frames);
-    frame.stamp_ns += recorder->start_ns;
-    const size_t length = (size_t)gv_log_format(&frame, recorder->iface, line);
-    wrote = true;
-    if (recorder->failed || fwrite(line, 1, length, recorder->file) == length) continue;
-    recorder->failed = true;
-  }
-  if (wrote && !recorder->failed && fflush(recorder->file) != 0) recorder->failed = true;
+  gv_frame frame = *recorded;
+  if (!recorder->file || recorder->failed) return;
+  frame.stamp_ns += recorder->start_ns;
+  const size_t length = (size_t)gv_log_format(&frame, recorder->iface, line);
+  if (fwrite(line, 1, length, recorder->file) != length) recorder->failed = true;
+  recorder->wrote = true;
+}
+
+void gv_recorder_flush(gv_recorder *recorder) {
+  if (recorder->wrote && !recorder->failed && fflush(recorder->file) != 0) recorder->failed = true;
+  recorder->wrote = false;
 }
 
 int gv_recorder_close(gv_recorder *recorder) {

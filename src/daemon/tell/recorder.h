@@ -9,7 +9,7 @@
 #include <stdbool.h>
 #include <stdio.h>
 
-#include "daemon/loop/ring.h"
+#include "gloved/frame.h"
 
 typedef struct gv_recorder {
   FILE *file;              // null: nothing is recorded
@@ -17,12 +17,15 @@ typedef struct gv_recorder {
   char iface[16];          // as the log names it
   int64_t start_ns;        // time of day of step 0, whole microseconds
   bool failed;             // the disk refused
+  bool wrote;              // since the last flush
 } gv_recorder;
 
 // `fcu`: the URL, for the interface's name. 0, or negative with one line in err.
 int gv_recorder_open(gv_recorder *recorder, const char *path, const char *fcu, char *err, size_t err_size);
-// Empties the ring of gv_frame into the file and hands it to the kernel: a crash after that loses nothing of it.
-void gv_recorder_drain(gv_recorder *recorder, gv_ring *frames);
+// A line of the file; nothing where there is none.
+void gv_recorder_frame(gv_recorder *recorder, const gv_frame *recorded);
+// Hands what was written to the kernel: a crash after that loses nothing of it.
+void gv_recorder_flush(gv_recorder *recorder);
 // 0, or negative where the file is not whole.
 int gv_recorder_close(gv_recorder *recorder);
 

@@ -25,36 +25,45 @@ static void report_refusals(const gv_loop *loop, bool *reported) {
   fprintf(stderr, "gloved: %s\n", text);
 }
 
-static void empty_rings(gv_loop *loop, gv_telemetry *telemetry, gv_recorder *recorder, gv_view *view) {
+static void empty_rings(gv_loop *loop, const gv_listeners *to) {
+  const gv_frame *frame;
   const gv_record *record;
   const gv_snapshot *snapshot;
   const gv_step_record *step;
-  gv_recorder_drain(recorder, &loop->frames);
+  while ((frame = gv_ring_peek(&loop->frames))) {
+    gv_recorder_frame(to->recorder, frame);
+    gv_black_box_frame(to->black_box, frame);
+    gv_ring_release(&loop->frames);
+  }
+  gv_recorder_flush(to->recorder);
   while ((record = gv_ring_peek(&loop->records))) {
-    gv_telemetry_record(telemetry, record);
-    gv_view_record(view, record);
+    gv_telemetry_record(to->telemetry, record);
+    gv_black_box_record(to->black_box, record);
+    gv_view_record(to->view, record);
     gv_ring_release(&loop->records);
   }
   while ((snapshot = gv_ring_peek(&loop->snapshots))) {
-    gv_telemetry_snapshot(telemetry, snapshot);
-    gv_view_snapshot(view, clock_ns(), loop, snapshot);
+    gv_telemetry_snapshot(to->telemetry, snapshot);
+    gv_view_snapshot(to->view, clock_ns(), loop, snapshot);
     gv_ring_release(&loop->snapshots);
   }
   while ((step = gv_ring_peek(&loop->steps))) {
-    gv_telemetry_step(telemetry, step);
+    gv_telemetry_step(to->telemetry, step);
+    gv_black_box_step(to->black_box, step);
     gv_ring_release(&loop->steps);
   }
+  gv_black_box_work(to->black_box);
 }
 
-void gv_slow_run(gv_loop *loop, gv_telemetry *telemetry, gv_recorder *recorder, gv_view *view) {
+void gv_slow_run(gv_loop *loop, const gv_listeners *to) {
   const struct timespec pause = {0, SLEEP_NS};
   bool reported = loop->starts > 1;
   while (gv_loop_running(loop)) {
     report_refusals(loop, &reported);
-    empty_rings(loop, telemetry, recorder, view);
-    gv_telemetry_listen(telemetry, clock_ns());
+    empty_rings(loop, to);
+    gv_telemetry_listen(to->telemetry, clock_ns());
     nanosleep(&pause, NULL);
   }
   report_refusals(loop, &reported);
-  empty_rings(loop, telemetry, recorder, view);
+  empty_rings(loop, to);
 }
