@@ -11,7 +11,9 @@ static bool take_block(gv_blocks *b, int i, int k) {
   if (b->used == GV_BLOCKS) b->full = true;
   if (b->full) return false;
   b->at[i][k] = b->at[k][i] = (uint16_t)++b->used;
-  if (i != k) b->degree[i]++, b->degree[k]++;
+  if (i == k) return true;
+  b->degree[i]++;
+  b->degree[k]++;
   return true;
 }
 
@@ -62,12 +64,16 @@ bool gv_blocks_order(gv_blocks *b) {
 }
 
 void gv_blocks_clear(gv_blocks *b, bool symmetric) {
-  memset(b->block, 0, sizeof b->block[0] * (size_t)b->used);
-  if (!symmetric) memset(b->mirror, 0, sizeof b->mirror[0] * (size_t)b->used);
+  static const gv_block zero;
+  for (int i = 0; i < b->used; i++) {
+    b->block[i] = zero;
+    if (!symmetric) b->mirror[i] = zero;
+  }
 }
 
-// L U = H in place of H: the diagonal of L is ones, that of U is kept inverted.
-static bool factor(gv_block *H) {
+// ---- one block ------------------------------------------------------------------------------------
+
+bool gv_block_factor(gv_block *H) {
   for (int r = 0; r < 6; r++) {
     double *row = H->m[r];
     for (int k = 0; k < r; k++) {
@@ -80,68 +86,81 @@ static bool factor(gv_block *H) {
   return true;
 }
 
-// p = L^-1 p.
-static void divide_by_lower(const gv_block *LU, gv_block *p) {
+void gv_block_divide_by_lower(const gv_block *LU, gv_block *p) {
   for (int r = 1; r < 6; r++) gv_six_subtract(p->m[r], LU->m[r], 1, p->m, r);
 }
 
-// p = U^-T p, of a block from below the diagonal, which is kept transposed.
-static void divide_by_upper(const gv_block *LU, gv_block *p) {
+void gv_block_divide_by_upper(const gv_block *LU, gv_block *p) {
   for (int r = 0; r < 6; r++) {
     gv_six_subtract(p->m[r], &LU->m[0][r], 6, p->m, r);
     for (int c = 0; c < 6; c++) p->m[r][c] *= LU->m[r][r];
   }
 }
 
-// out -= p^T q.
-static void subtract_product(gv_block *out, const gv_block *p, gv_block *q) {
+void gv_block_scale_by_pivots(const gv_block *LU, const gv_block *by_lower, gv_block *out) {
+  for (int r = 0; r < 6; r++)
+    for (int c = 0; c < 6; c++) out->m[r][c] = LU->m[r][r] * by_lower->m[r][c];
+}
+
+void gv_block_subtract_product(gv_block *out, const gv_block *p, gv_block *q) {
   for (int r = 0; r < 6; r++) gv_six_subtract(out->m[r], &p->m[0][r], 6, q->m, 6);
 }
+
+void gv_block_forward(const gv_block *LU, gv_six *x) {
+  for (int r = 1; r < 6; r++)
+    for (int k = 0; k < r; k++) x->m[r] -= LU->m[r][k] * x->m[k];
+}
+
+void gv_block_back(const gv_block *LU, gv_six *x) {
+  for (int k = 5; k >= 0; k--) {
+    for (int c = k + 1; c < 6; c++) x->m[k] -= LU->m[k][c] * x->m[c];
+    x->m[k] *= LU->m[k][k];
+  }
+}
+
+// ---- the matrix -----------------------------------------------------------------------------------
 
 // L^-1 H_ik for each later neighbour k, and U^-T H_ki^T in the mirror image.
 static void divide(gv_blocks *b, int i, bool symmetric) {
   const gv_block *LU = gv_blocks_at(b, i, i);
   for (int n = 0; n < b->later_count[i]; n++) {
-    gv_block *P = gv_blocks_at(b, i, b->later[i][n]), *Q = gv_blocks_mirror(b, i, b->later[i][n]);
-    divide_by_lower(LU, P);
-    if (!symmetric) divide_by_upper(LU, Q);
-    else
-      for (int r = 0; r < 6; r++)
-        for (int c = 0; c < 6; c++) Q->m[r][c] = LU->m[r][r] * P->m[r][c];
+    gv_block *P = gv_blocks_at(b, i, b->later[i][n]);
+    gv_block *Q = gv_blocks_mirror(b, i, b->later[i][n]);
+    gv_block_divide_by_lower(LU, P);
+    if (symmetric) gv_block_scale_by_pivots(LU, P, Q);
+    else gv_block_divide_by_upper(LU, Q);
   }
+}
+
+// What node i leaves behind between two of its later neighbours.
+static void update(gv_blocks *b, int i, int j, int k, bool symmetric) {
+  const int first = gv_blocks_first(b, j, k), second = j + k - first;
+  gv_block_subtract_product(gv_blocks_at(b, j, k), gv_blocks_mirror(b, i, first), gv_blocks_at(b, i, second));
+  if (symmetric || j == k) return;
+  gv_block_subtract_product(gv_blocks_mirror(b, j, k), gv_blocks_at(b, i, first), gv_blocks_mirror(b, i, second));
 }
 
 static bool eliminate(gv_blocks *b, int i, bool symmetric, gv_six x[]) {
   const uint8_t *later = b->later[i];
+  const int count = b->later_count[i];
   gv_block *LU = gv_blocks_at(b, i, i);
-  if (!factor(LU)) return false;
+  if (!gv_block_factor(LU)) return false;
   divide(b, i, symmetric);
-  for (int r = 1; r < 6; r++)
-    for (int k = 0; k < r; k++) x[i].m[r] -= LU->m[r][k] * x[i].m[k];
-  for (int n = 0; n < b->later_count[i]; n++) gv_six_subtract(x[later[n]].m, x[i].m, 1, gv_blocks_mirror(b, i, later[n])->m, 6);
-  for (int n = 0; n < b->later_count[i]; n++)
-    for (int m = n; m < b->later_count[i]; m++) {
-      int j = later[n], k = later[m], first = gv_blocks_first(b, j, k), second = j + k - first;
-      subtract_product(gv_blocks_at(b, j, k), gv_blocks_mirror(b, i, first), gv_blocks_at(b, i, second));
-      if (!symmetric && j != k) subtract_product(gv_blocks_mirror(b, j, k), gv_blocks_at(b, i, first), gv_blocks_mirror(b, i, second));
-    }
+  gv_block_forward(LU, &x[i]);
+  for (int n = 0; n < count; n++) gv_six_subtract(x[later[n]].m, x[i].m, 1, gv_blocks_mirror(b, i, later[n])->m, 6);
+  for (int n = 0; n < count; n++)
+    for (int m = n; m < count; m++) update(b, i, later[n], later[m], symmetric);
   return true;
 }
 
 static void substitute(gv_blocks *b, int i, gv_six x[]) {
-  const gv_block *LU = gv_blocks_at(b, i, i);
-  gv_six own = x[i];
   for (int n = 0; n < b->later_count[i]; n++) {
-    int j = b->later[i][n];
+    const int j = b->later[i][n];
     const gv_block *P = gv_blocks_at(b, i, j);
     for (int k = 0; k < 6; k++)
-      for (int c = 0; c < 6; c++) own.m[k] -= P->m[k][c] * x[j].m[c];
+      for (int c = 0; c < 6; c++) x[i].m[k] -= P->m[k][c] * x[j].m[c];
   }
-  for (int k = 5; k >= 0; k--) {
-    for (int c = k + 1; c < 6; c++) own.m[k] -= LU->m[k][c] * own.m[c];
-    own.m[k] *= LU->m[k][k];
-  }
-  x[i] = own;
+  gv_block_back(gv_blocks_at(b, i, i), &x[i]);
 }
 
 bool gv_blocks_solve(gv_blocks *b, bool symmetric, gv_six io_x[]) {

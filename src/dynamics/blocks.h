@@ -48,10 +48,32 @@ static inline void gv_six_subtract(double *row, const double *f, int step, doubl
   double a = row[0], b = row[1], c = row[2], d = row[3], e = row[4], g = row[5];
   for (int k = 0; k < n; k++) {
     const double by = f[step * k], *o = other[k];
-    a -= by * o[0], b -= by * o[1], c -= by * o[2], d -= by * o[3], e -= by * o[4], g -= by * o[5];
+    a -= by * o[0];
+    b -= by * o[1];
+    c -= by * o[2];
+    d -= by * o[3];
+    e -= by * o[4];
+    g -= by * o[5];
   }
-  row[0] = a, row[1] = b, row[2] = c, row[3] = d, row[4] = e, row[5] = g;
+  row[0] = a;
+  row[1] = b;
+  row[2] = c;
+  row[3] = d;
+  row[4] = e;
+  row[5] = g;
 }
+
+// One block by itself. L U = H in place of H, the diagonal of L ones, that of U inverted; false where a pivot is zero.
+bool gv_block_factor(gv_block *H);
+// p = L^-1 p; p = U^-T p; p = U^-T p where H is symmetric and L^-1 p is known.
+void gv_block_divide_by_lower(const gv_block *LU, gv_block *p);
+void gv_block_divide_by_upper(const gv_block *LU, gv_block *p);
+void gv_block_scale_by_pivots(const gv_block *LU, const gv_block *by_lower, gv_block *out);
+// out -= p^T q.
+void gv_block_subtract_product(gv_block *out, const gv_block *p, gv_block *q);
+// x = L^-1 x; x = U^-1 x.
+void gv_block_forward(const gv_block *LU, gv_six *x);
+void gv_block_back(const gv_block *LU, gv_six *x);
 
 // Solves for x in place of the right-hand side; the matrix is used up. False where a pivot is zero.
 bool gv_blocks_solve(gv_blocks *b, bool symmetric, gv_six io_x[]);

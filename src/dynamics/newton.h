@@ -14,6 +14,17 @@ typedef struct gv_newton_node {  // a body that moves and has a contact
   gv_mat3 inertia, inverse_inertia;
 } gv_newton_node;
 
+// A limb that touches one other body is eliminated before the matrix, and stays so while its contacts keep their modes.
+typedef struct gv_newton_limb {
+  int node, other;               // itself and that body; -1: it does not move
+  int first, count;              // its contacts in gv_newton.of_limb
+  bool changed;
+  gv_block own, coupling;        // L U of its diagonal, L^-1 of its coupling: with two contacts and more
+  gv_six right;                  // L^-1 of its right-hand side, likewise
+  gv_block schur;                // what the other body sees of its contacts
+  gv_six push;
+} gv_newton_limb;
+
 typedef struct gv_newton_guess { int body_a, body_b; gv_vec3 friction_dir; double lambda; gv_newton_state state; } gv_newton_guess;
 
 typedef struct gv_newton {
@@ -25,11 +36,13 @@ typedef struct gv_newton {
   double softening;              // factor on the tangent compliance that was accepted; 1: none
   // work
   int solves_left;
-  int count, nodes;              // nodes: first those in `blocks`, then the limbs that are eliminated
+  int count, nodes, limbs;       // nodes: first those in `blocks`, then the limbs that are eliminated
   int node_of[GV_BODIES];        // -1: does not move, or touches nothing
   gv_newton_contact contact[GV_MAX_CONTACTS];
-  gv_newton_mode next[GV_MAX_CONTACTS], kept[GV_MAX_CONTACTS];
+  gv_newton_mode kept[GV_MAX_CONTACTS];
   gv_newton_node node[GV_NODES];
+  gv_newton_limb limb[GV_LIMBS];
+  int of_limb[GV_MAX_CONTACTS];  // contacts, limb by limb
   gv_six dv[GV_NODES];           // v - v_free
   gv_blocks blocks;
 } gv_newton;

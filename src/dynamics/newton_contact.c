@@ -70,36 +70,37 @@ void gv_newton_respond(gv_newton_contact *c, gv_vec3 r) {
   if (c->is_lone) c->u = gv_add(r, yield(c, c->impulse));
 }
 
-static double distance(gv_vec3 a, gv_vec3 b) {
-  const gv_vec3 d = gv_sub(a, b);
-  return fmax(fabs(d.x), fmax(fabs(d.y), fabs(d.z)));
+static double residual_of(gv_vec3 d, gv_vec3 projected) {
+  const double most = fmax(fabs(d.x), fmax(fabs(d.y), fabs(d.z)));
+  const double tolerance2 = fmax(relative_tolerance * relative_tolerance * gv_norm2(projected), least_tolerance * least_tolerance);
+  return most / sqrt(tolerance2);
 }
 
-static double error_of(gv_vec3 projected, gv_vec3 impulse) {
-  const double size2 = relative_tolerance * relative_tolerance * gv_norm2(projected);
-  return distance(projected, impulse) / sqrt(fmax(size2, least_tolerance * least_tolerance));
-}
-
-double gv_newton_project(const gv_newton_contact *c, double weight, double softening, gv_newton_mode *out_mode) {
+gv_newton_projection gv_newton_project(const gv_newton_contact *c, double weight, double softening) {
   const gv_vec3 n = c->normal, x = c->impulse;
   const double c_t = softening * c->compliance_t, x_n = gv_dot(x, n), u_n = gv_dot(c->u, n);
   assert(weight == 0.0 || c->inverse_mass_t > 0.0);
-  const double rho_n = 1.0 / (weight * c->inverse_mass_n + c->compliance_n);
-  const double rho_t = 1.0 / (weight * c->inverse_mass_t + c_t);
-  const double y_n = x_n - rho_n * (u_n + c->compliance_n * x_n);
-  if (!(y_n > 0.0)) {
-    out_mode->state = GV_NEWTON_OPEN;
-    return error_of(gv_v3(0, 0, 0), x);
-  }
+  const double by_rho_n = weight * c->inverse_mass_n + c->compliance_n, by_rho_t = weight * c->inverse_mass_t + c_t;
   const gv_vec3 x_t = gv_mad(x, -x_n, n), u_t = gv_mad(c->u, -u_n, n);
-  const gv_vec3 y_t = gv_mad(x_t, -rho_t, gv_mad(u_t, c_t, x_t));
+  const gv_vec3 y_t = gv_mad(x_t, -1.0 / by_rho_t, gv_mad(u_t, c_t, x_t));
+  const double y_n = x_n - (u_n + c->compliance_n * x_n) / by_rho_n;
   const double limit = c->mu * y_n, size = gv_norm(y_t);
-  if (size <= limit) {
-    out_mode->state = GV_NEWTON_STICKING;
-    return error_of(gv_mad(y_t, y_n, n), x);
+  gv_newton_projection p = {.mode = c->mode};
+  gv_vec3 projected = gv_v3(0, 0, 0);
+  if (!(y_n > 0.0)) {
+    p.mode.state = GV_NEWTON_OPEN;
+  } else if (size <= limit) {
+    p.mode.state = GV_NEWTON_STICKING;
+    projected = gv_mad(y_t, y_n, n);
+  } else {
+    p.mode.state = GV_NEWTON_SLIDING;
+    p.mode.friction_dir = gv_scale(y_t, 1.0 / size);
+    p.mode.lambda = fmin((size - limit) * by_rho_t / limit, most_lambda);
+    projected = gv_mad(gv_scale(n, y_n), limit, p.mode.friction_dir);
   }
-  out_mode->state = GV_NEWTON_SLIDING;
-  out_mode->friction_dir = gv_scale(y_t, 1.0 / size);
-  out_mode->lambda = fmin((size - limit) / (limit * rho_t), most_lambda);
-  return error_of(gv_mad(gv_scale(n, y_n), limit, out_mode->friction_dir), x);
+  const gv_vec3 d = gv_sub(projected, x);
+  const double d_n = gv_dot(d, n);
+  p.residual = residual_of(d, projected);
+  p.merit = by_rho_n * d_n * d_n + by_rho_t * fmax(0.0, gv_norm2(d) - d_n * d_n);
+  return p;
 }

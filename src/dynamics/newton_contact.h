@@ -26,25 +26,35 @@ typedef struct gv_newton_contact {
   double mu;
   double target;                // a: normal velocity that is asked, m/s
   double compliance_n, compliance_t; // c_n, c_t: m/s for 1 N s
-  // a limb whose only contact this is, eliminated: velocity of its point for an impulse there is give I - turn [arm]x^2
+  int limb;                     // of gv_newton: one that is eliminated first; -1: none
+  // a limb with this contact alone: the velocity of its point for an impulse there is (give I - turn arm arm^T) times it
   bool is_lone;
   double give, turn;
   // what does not change in a step
   gv_vec3 free_u;               // J v_free - a n
   double inverse_mass_n, inverse_mass_t; // n W n, and the mean of W across n; negative: not asked for yet
   // the iteration
-  gv_newton_mode mode, first;   // now, and where each stage begins
+  gv_newton_mode mode, next, first; // now, in the next solve, and where each stage begins
+  bool changed;                 // the mode, since the stiffness was made
+  double residual, merit;       // of the projection
   gv_mat3 stiffness;            // K of the mode; of a lone limb with the limb giving way
   gv_vec3 impulse;              // x on body a, N s
   gv_vec3 u;                    // J v - a n with that impulse, m/s
+  gv_vec3 from_impulse, from_u, full_impulse, full_u; // ends of a step that is damped
 } gv_newton_contact;
 
 // K of x = -K (J v - a n), or of a lone limb x = -K (free_u - J_b dv_b).
 gv_mat3 gv_newton_stiffness(const gv_newton_contact *c, double softening);
 // Impulse and velocity that follow from the velocity r that the rest of the bodies leave.
 void gv_newton_respond(gv_newton_contact *c, gv_vec3 r);
-// The next mode by the projection with weight W (1: Alart and Curnier's steps; 0: the plain velocity map), and how far
-// the impulse is from that projection, in units of the tolerance: at most 1 is a solution.
-double gv_newton_project(const gv_newton_contact *c, double weight, double softening, gv_newton_mode *out_mode);
+// What the projection (6) says of a contact.
+typedef struct gv_newton_projection {
+  gv_newton_mode mode;          // the next
+  double residual;              // how far the impulse is from its projection, in units of the tolerance: at most 1 solves it
+  double merit;                 // the square of that way, over rho
+} gv_newton_projection;
+
+// weight: of W in rho (1: Alart and Curnier's steps; 0: the plain velocity map).
+gv_newton_projection gv_newton_project(const gv_newton_contact *c, double weight, double softening);
 
 #endif
