@@ -314,7 +314,7 @@ static void put_counters(const gv_telemetry *telemetry, const gv_snapshot *snaps
   out->body_resets = (int64_t)c->body_resets;
   out->overlaps = (int64_t)c->overlaps;
   out->newton_steps = (int64_t)c->newton_steps;
-  out->newton_lagged = (int64_t)c->newton_lagged;
+  out->newton_softened = (int64_t)c->newton_softened;
   out->dantzig_steps = (int64_t)c->dantzig_steps;
   out->quickstep_steps = (int64_t)c->quickstep_steps;
   out->unsolved_steps = (int64_t)c->unsolved_steps;
