@@ -13,6 +13,7 @@
 #include <unistd.h>
 
 #include "gloved/drivers.h"
+#include "gloved/fcu.h"
 #include "drivers/stamp.h"
 
 enum {
@@ -40,16 +41,19 @@ typedef struct udp {
   bool heard;
   int64_t last_ns;              // stamp of the newest datagram of the peer
   // Frames of one datagram that the caller had no room for yet.
-  gv_frame pending[GV_CANNELLONI_MAX_FRAMES];
+  gv_frame pending[GV_CANNELLONI_TAKEN_FRAMES];
   int pending_count, pending_next;
+  gv_classic_join join;
+  bool classic;                 // the peer speaks classic CAN
   // Datagrams of one system call.
   struct mmsghdr message[BATCH];
   struct iovec part[BATCH];
   address source[BATCH];
-  uint8_t bytes[BATCH][GV_CANNELLONI_MAX_BYTES];
+  uint8_t bytes[BATCH][GV_CANNELLONI_TAKEN_BYTES];
   _Alignas(struct cmsghdr) uint8_t control[BATCH][CMSG_SPACE(sizeof(struct timespec))];
   int batch_count, batch_next;
   uint8_t out[GV_CANNELLONI_MAX_BYTES];
+  gv_frame split[GV_CANNELLONI_MAX_FRAMES];
 } udp;
 
 static bool same_address(const address *a, const address *b) {
@@ -93,7 +97,7 @@ static void take_datagram(udp *u, int64_t now_ns) {
   }
   bool whole = !(u->message[i].msg_hdr.msg_flags & MSG_TRUNC);
   size_t size = whole ? u->message[i].msg_len : 0;
-  int count = gv_cannelloni_unpack(u->bytes[i], size, &seq, u->pending, GV_CANNELLONI_MAX_FRAMES);
+  int count = gv_cannelloni_unpack(u->bytes[i], size, &seq, u->pending, GV_CANNELLONI_TAKEN_FRAMES);
   if (count < 0) {
     u->stats.bad++;
     return;
@@ -105,13 +109,21 @@ static void take_datagram(udp *u, int64_t now_ns) {
   u->pending_count = count;
 }
 
+// The next frame of the datagram. True where it is, or completes, one for the caller.
+static bool take_frame(udp *u, gv_frame *out) {
+  const gv_frame *frame = &u->pending[u->pending_next++];
+  if (gv_classic_is_part(frame)) u->classic = true;
+  else if (frame->flags & GV_FRAME_FD) u->classic = false;
+  return gv_classic_take(&u->join, frame, out) != 0;
+}
+
 static int poll_udp(void *self, int64_t now_ns, gv_frame *out, int max) {
   udp *u = self;
   int n = 0, budget = POLL_DATAGRAMS;
   bool drained = false;
   while (n < max) {
     if (u->pending_next < u->pending_count) {
-      out[n++] = u->pending[u->pending_next++];
+      n += take_frame(u, &out[n]) ? 1 : 0;
     } else if (u->batch_next < u->batch_count) {
       if (budget-- == 0) break;
       take_datagram(u, now_ns);
@@ -124,10 +136,32 @@ static int poll_udp(void *self, int64_t now_ns, gv_frame *out, int max) {
   return n;
 }
 
+// The frames as the peer's bus can carry them; returns their count, -1 where one has no classic form.
+static int split_frames(const gv_frame *frame, int count, gv_frame out[GV_CANNELLONI_MAX_FRAMES]) {
+  int n = 0;
+  for (int i = 0; i < count; i++) {
+    if (n + GV_CLASSIC_FRAMES > GV_CANNELLONI_MAX_FRAMES) return -1;
+    const bool fd = frame[i].flags & GV_FRAME_FD;
+    const int parts = fd ? gv_classic_split(&frame[i], &out[n]) : 1;
+    if (!fd) out[n] = frame[i];
+    if (parts == 0) return -1;
+    n += parts;
+  }
+  return n;
+}
+
+static int pack(udp *u, const gv_frame *frame, int count) {
+  if (u->classic) {
+    count = split_frames(frame, count, u->split);
+    frame = u->split;
+  }
+  return gv_cannelloni_pack(u->send_seq, frame, count, u->out, sizeof u->out);
+}
+
 static int send_udp(void *self, const gv_frame *frame, int count) {
   udp *u = self;
   if (count <= 0) return 0;
-  int bytes = gv_cannelloni_pack(u->send_seq, frame, count, u->out, sizeof u->out);
+  const int bytes = pack(u, frame, count);
   bool sent = bytes > 0;
   if (sent) sent = sendto(u->fd, u->out, (size_t)bytes, MSG_DONTWAIT | MSG_NOSIGNAL, &u->peer.any, u->peer_size) == bytes;
   u->send_seq++;  // also where it failed: the peer then sees what it missed

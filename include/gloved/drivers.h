@@ -8,8 +8,10 @@
 #include "gloved/hand.h"
 
 // ---- cannelloni v2 over UDP -----------------------------------------------------------------------
-// One Ethernet datagram; at 5 bytes for an empty frame no datagram of ours holds more than 293 frames.
+// What we send: one Ethernet datagram; at 5 bytes for an empty frame it never holds more than 293 frames. What we
+// take: up to an interface's MTU of 9000 (cannelloni -m 9000), 28 bytes of it for IPv4 and UDP.
 enum { GV_CANNELLONI_MAX_BYTES = 1472, GV_CANNELLONI_MAX_FRAMES = 293 };
+enum { GV_CANNELLONI_TAKEN_BYTES = 8972, GV_CANNELLONI_TAKEN_FRAMES = 1793 };
 // Bytes written, or -1 where they do not fit into `size` or a frame is none (identifier or length out of range).
 int gv_cannelloni_pack(uint8_t seq, const gv_frame *frame, int count, uint8_t *out, size_t size);
 // Frames read, or -1 (wrong version or operation, truncated, length over 64 or no FD length, bytes left over).

@@ -109,6 +109,9 @@ enum {
 // The classic frames of one FD message; returns their count, 0 where the frame is none of the four.
 int gv_classic_split(const gv_frame *fd, gv_frame out[GV_CLASSIC_FRAMES]);
 
+// Whether it is one of the classic frames above (by identifier and kind).
+bool gv_classic_is_part(const gv_frame *frame);
+
 // Joins what arrives. Zeroed at the start. A message that lacks a frame when the next one begins is dropped
 // (its counter shows it as lost); the order of its frames does not matter.
 typedef struct gv_classic_join {

@@ -144,10 +144,20 @@ static bool join_part(gv_classic_join *join, int number, const gv_frame *frame) 
   return *missing == 0;
 }
 
+static bool is_special(const gv_frame *frame) {
+  return frame->flags & (GV_FRAME_FD | GV_FRAME_EXTENDED | GV_FRAME_REMOTE | GV_FRAME_ERROR);
+}
+
+bool gv_classic_is_part(const gv_frame *frame) {
+  if (is_special(frame)) return false;
+  for (int i = 0; i < MESSAGES; i++)
+    if (frame->id - layout[i].classic_id < layout[i].parts) return true;
+  return frame->id == GV_ID_FORCE_COMMAND_CLASSIC;
+}
+
 int gv_classic_take(gv_classic_join *join, const gv_frame *frame, gv_frame *out) {
-  const bool special = frame->flags & (GV_FRAME_FD | GV_FRAME_EXTENDED | GV_FRAME_REMOTE | GV_FRAME_ERROR);
   *out = *frame;
-  if (special) return 1;
+  if (is_special(frame)) return 1;
   if (frame->id == GV_ID_FORCE_COMMAND_CLASSIC) join_command(join, frame, out);
   for (int i = 0; i < MESSAGES; i++) {
     if (!is_part_of(&layout[i], frame)) continue;

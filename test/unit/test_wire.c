@@ -530,12 +530,72 @@ static void send_seq(int fd, int seq) {
   CHECK(send(fd, datagram, sizeof datagram, 0) == sizeof datagram, "sequence %d", seq);
 }
 
+// Datagrams as cannelloni 2 writes them for a classic bus (its doc/udp_format.md): version, operation, sequence, count
+// (two bytes), then a frame's identifier (four bytes), its length without bit 7, its data; no flags.
+static int put_classic(const gv_frame *frame, int count, uint8_t *out) {
+  int n = 5;
+  memcpy(out, (const uint8_t[]){2, 0, 0, 0, (uint8_t)count}, 5);
+  for (int i = 0; i < count; i++) {
+    memcpy(out + n, (const uint8_t[]){0, 0, (uint8_t)(frame[i].id >> 8), (uint8_t)frame[i].id, frame[i].len}, 5);
+    memcpy(out + n + 5, frame[i].data, frame[i].len);
+    n += 5 + frame[i].len;
+  }
+  return n;
+}
+
+static void test_udp_classic_can_is_joined_and_answered_in_kind(void) {
+  gv_driver a, b;
+  if (!open_pair(&a, &b)) return;
+  b.close(b.self);
+  const int peer = raw_socket(port_b, port_a);
+  gv_frame glove, part[GV_CLASSIC_FRAMES], back[4], command;
+  uint8_t datagram[200], answer[200];
+  const gv_glove_msg sent = {.counter = 7, .flags = GV_GLOVE_DEAD_MAN, .raw = {1, 2, 3}};
+  gv_glove_msg got;
+  const gv_command_msg force = {.counter = 5, .flags = GV_COMMAND_ENABLE, .tension_n = {0, 1.2, 0, 0, 0}};
+  gv_fcu_pack_glove(&sent, &glove);
+  gv_fcu_pack_command(&force, &command);
+  const int parts = gv_classic_split(&glove, part);
+  CHECK(send(peer, datagram, (size_t)put_classic(part, parts, datagram), 0) > 0, "sends");
+  CHECK(poll_all(&a, back, 1) == 1 && gv_fcu_unpack_glove(&back[0], &got) == GV_FCU_OK, "not joined");
+  CHECK(got.counter == 7 && got.raw[2] == 3, "counter %d", got.counter);
+  CHECK(a.send(a.self, &command, 1) == 0, "refused");
+  const ssize_t size = recv(peer, answer, sizeof answer, 0);
+  // 0x091, 8 bytes; byte 0: counter 5 and ENABLE; 1.2 N are 100 counts of 0.012 N, in bits 16 to 25 (data/gloved.dbc).
+  const uint8_t expected[] = {2, 0, 0, 0, 1, 0, 0, 0, 0x91, 8, 0x15, 0, 100, 0, 0, 0, 0};
+  CHECK(size == 18 && memcmp(answer, expected, sizeof expected) == 0, "%d bytes, byte 9: %02x, 12: %d", (int)size, answer[9], answer[12]);
+  // A peer that speaks CAN FD again is answered with CAN FD: length 20 with bit 7.
+  const int bytes = gv_cannelloni_pack(1, &glove, 1, datagram, sizeof datagram);
+  CHECK(send(peer, datagram, (size_t)bytes, 0) > 0 && poll_all(&a, back, 1) == 1 && a.send(a.self, &command, 1) == 0, "CAN FD");
+  CHECK(recv(peer, answer, sizeof answer, 0) == 5 + 6 + 20 && answer[8] == 0x90 && answer[9] == (0x80 | 20), "answer");
+  close(peer);
+  a.close(a.self);
+}
+
+// cannelloni -m 9000: one datagram of as many frames of 64 bytes as fit, 70 bytes each.
+static void test_udp_jumbo_datagrams(void) {
+  enum { FRAMES = (GV_CANNELLONI_TAKEN_BYTES - 5) / 70, BYTES = 5 + 70 * FRAMES };
+  gv_driver a, b;
+  if (!open_pair(&a, &b)) return;
+  b.close(b.self);
+  const int peer = raw_socket(port_b, port_a);
+  static uint8_t datagram[BYTES] = {2, 0, 0, 0, FRAMES};
+  static gv_frame back[FRAMES];
+  for (int i = 0; i < FRAMES; i++) memcpy(datagram + 5 + 70 * i, (const uint8_t[]){0, 0, 1, (uint8_t)i, 0x80 | 64}, 5);
+  CHECK(send(peer, datagram, BYTES, 0) == BYTES, "sends");
+  CHECK(poll_all(&a, back, FRAMES) == FRAMES, "taken");
+  for (int i = 0; i < FRAMES; i++) CHECK(back[i].id == 0x100u + (uint8_t)i && back[i].len == 64, "frame %d", i);
+  CHECK(a.stats(a.self).bad == 0, "%d bad", (int)a.stats(a.self).bad);
+  close(peer);
+  a.close(a.self);
+}
+
 static void test_udp_foreign_broken_and_lost(void) {
   gv_driver a, b;
   if (!open_pair(&a, &b)) return;
   b.close(b.self);
   int peer = raw_socket(port_b, port_a), other = raw_socket(0, port_a);
-  static uint8_t giant[3000];
+  static uint8_t giant[GV_CANNELLONI_TAKEN_BYTES + 1] = {2};
   gv_frame f[300];
   send_seq(other, 0);
   CHECK(send(peer, giant, 0, 0) == 0 && send(peer, giant, 7, 0) == 7 && send(peer, giant, sizeof giant, 0) == sizeof giant,
@@ -617,6 +677,8 @@ int main(void) {
   RUN(test_trace_small_steps_back);
   RUN(test_udp_both_ways);
   RUN(test_udp_without_a_peer);
+  RUN(test_udp_classic_can_is_joined_and_answered_in_kind);
+  RUN(test_udp_jumbo_datagrams);
   RUN(test_udp_foreign_broken_and_lost);
   RUN(test_udp_over_ipv6);
   RUN(test_udp_urls);
