@@ -268,6 +268,12 @@ static int open_socket(udp *u, const char *listen_port) {
   return bind_socket(u, listen_port);
 }
 
+// Every page is there before the real-time thread meets the first large datagram.
+static void touch_pages(udp *u) {
+  volatile uint8_t *byte = (volatile uint8_t *)u;
+  for (size_t at = 0; at < sizeof *u; at += 4096) byte[at] = 0;
+}
+
 int gv_udp_open(const char *url, gv_driver *out, char *err, size_t err_size) {
   udp_url parts;
   const char *wrong = parse_url(url, &parts);
@@ -280,6 +286,7 @@ int gv_udp_open(const char *url, gv_driver *out, char *err, size_t err_size) {
     snprintf(err, err_size, "%s: out of memory; close other programs", url);
     return -1;
   }
+  touch_pages(u);
   u->fd = -1;
   int code = resolve_peer(u, &parts);
   if (code)
