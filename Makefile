@@ -125,7 +125,7 @@ test: build/.test-packages build/venv/.ready build/venv-plot/.done
 	$(Q)$(MAKE) --no-print-directory -j$$(nproc) all
 	$(Q)B=$(B) test/run $(T)
 
-## test-can: fcusim and gloved on real CAN interfaces, in a User-Mode Linux guest (no root, about 90 s)
+## test-can: fcusim and gloved on real CAN interfaces, in a guest (no root, 90 s; CANNELLONI=PROGRAM: also through it)
 test-can: build/.can-packages build/venv/.ready
 	$(Q)$(MAKE) --no-print-directory all
 	$(Q)B=$(B) test/can/run

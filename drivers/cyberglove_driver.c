@@ -9,6 +9,7 @@
 #include "gloved/fcu.h"
 #include "drivers/serial_source.h"
 
+enum { MASK_BYTES = 3 };
 enum { QUIET_MS = 40, STOP_MS = 400, WRITE_MS = 500, REPLY_MS = 300, REPLY_BYTES = 256 };
 enum { SETTING_LEFT = 256 };   // added to the sensors in what set_up returns
 
@@ -19,7 +20,12 @@ typedef struct cyberglove {
   int sensors;                 // 18 or 22; 0: ask
   gv_cyberglove_format format; // of the connection
   uint8_t counter;
+  atomic_bool unplugged;       // from its box, as the newest frame says
+  bool unplugged_told;
 } cyberglove;
+
+static const serial_words words = {
+  "CyberGlove", "'S', a byte for each sensor, 0", "compare baud with the switch of its box, sensors=18|22 and wide=yes|no with the glove"};
 
 // ---- set-up, in the keeper ------------------------------------------------------------------------
 
@@ -64,12 +70,43 @@ static void ask_calibration(cyberglove *d, int fd, int sensors) {
   atomic_store(&d->source.calibrated, true);
 }
 
+// All of its sensors, in their order: what another program masked out would shift the rest.
+static int send_all_sensors(int fd, uint8_t sensors) {
+  static const uint8_t all[] = {'M', 0xff, 0xff, 0xff};
+  const uint8_t number[] = {'N', sensors};
+  if (serial_write(fd, all, sizeof all, WRITE_MS)) return -1;
+  let_pass(fd);
+  if (serial_write(fd, number, sizeof number, WRITE_MS)) return -1;
+  let_pass(fd);
+  return 0;
+}
+
+static int bits_of(const uint8_t mask[MASK_BYTES], const uint8_t within[MASK_BYTES]) {
+  int bits = 0;
+  for (int i = 0; i < MASK_BYTES; i++) bits += __builtin_popcount(mask[i] & within[i]);
+  return bits;
+}
+
+// Whether number and mask are as they were set; a glove that does not tell (a CyberGlove III) is believed.
+static bool sends_all_sensors(int fd, uint8_t sensors) {
+  uint8_t number, mask[MASK_BYTES], own[MASK_BYTES] = {0xff, 0xff, 0xff};
+  if (ask(fd, 'N', 1, &number) && number != sensors) return false;
+  ask(fd, 'K', MASK_BYTES, own);
+  return !ask(fd, 'M', MASK_BYTES, mask) || bits_of(mask, own) >= sensors;
+}
+
 static int set_up(void *self, int fd) {
   cyberglove *d = self;
   uint8_t sensors = (uint8_t)d->sensors, right = d->side == GV_RIGHT;
   if (stop_stream(fd)) return -1;
-  if (!d->sensors && !ask(fd, 'S', 1, &sensors)) return -1;
-  if (sensors != GV_SENSORS && sensors != GV_CYBERGLOVE_FEWER) return -1;
+  if (!d->sensors && !ask(fd, 'S', 1, &sensors))
+    return serial_source_give_up(&d->source, "does not answer ?S (how many sensors); compare baud with its box, or give sensors=18|22");
+  if (sensors != GV_SENSORS && sensors != GV_CYBERGLOVE_FEWER)
+    return serial_source_give_up(&d->source, "has neither 18 nor 22 sensors by its answer to ?S; give sensors=18|22");
+  if (send_all_sensors(fd, sensors)) return -1;
+  if (!sends_all_sensors(fd, sensors))
+    return serial_source_give_up(&d->source, "does not send all of its sensors (?N, ?M, ?K); switch its box off and on");
+  serial_source_give_up(&d->source, NULL);
   atomic_store(&d->source.sensors, sensors);
   ask(fd, 'R', 1, &right);
   ask_calibration(d, fd, sensors);
@@ -80,8 +117,11 @@ static int set_up(void *self, int fd) {
 // ---- frames, in the real-time thread --------------------------------------------------------------
 
 static void make_frame(cyberglove *d, int length, int64_t now_ns, uint32_t age_us, gv_frame *out) {
-  gv_glove_msg msg = {.counter = d->counter++, .flags = d->source.setting & SETTING_LEFT ? GV_GLOVE_LEFT : 0,
+  const bool unplugged = gv_cyberglove_end_of(&d->format, d->source.framer.byte, length) == GV_CYBERGLOVE_UNPLUGGED;
+  const int side = d->source.setting & SETTING_LEFT ? GV_GLOVE_LEFT : 0, fault = unplugged ? GV_GLOVE_SENSOR_FAULT : 0;
+  gv_glove_msg msg = {.counter = d->counter++, .flags = (uint8_t)(side | fault),
                       .stamp_us = (uint32_t)(now_ns / 1000), .age_us = age_us};
+  atomic_store_explicit(&d->unplugged, unplugged, memory_order_relaxed);
   gv_cyberglove_decode(&d->format, d->source.framer.byte, length, &d->cal, msg.raw);
   gv_fcu_pack_glove(&msg, out);
   out->stamp_ns = now_ns;
@@ -99,6 +139,15 @@ static int poll_cyberglove(void *self, int64_t now_ns, gv_frame *out, int max) {
   }
   d->source.rx += (uint64_t)n;
   return n;
+}
+
+static bool tell_cyberglove(void *self, int64_t now_ns, char *out, size_t size) {
+  cyberglove *d = self;
+  const bool unplugged = atomic_load_explicit(&d->unplugged, memory_order_relaxed), news = unplugged && !d->unplugged_told;
+  d->unplugged_told = unplugged;
+  if (!news) return serial_source_tell(self, now_ns, out, size);
+  snprintf(out, size, "%s: the glove is not plugged into its box; plug it in", d->source.url.device);
+  return true;
 }
 
 // ---- opening --------------------------------------------------------------------------------------
@@ -123,6 +172,7 @@ int gv_cyberglove_open(const char *url, const gv_calibration *cal, gv_side side,
     return -1;
   }
   d->cal = *cal;
+  d->source.words = &words;
   d->side = side;
   read_url(d, url, err, err_size);
   if (d->source.url.failed || serial_source_open(&d->source, set_up, d)) {
@@ -130,6 +180,6 @@ int gv_cyberglove_open(const char *url, const gv_calibration *cal, gv_side side,
     return -1;
   }
   *out = (gv_driver){d, poll_cyberglove, serial_source_send, serial_source_ended, serial_source_stats, serial_source_close,
-                     serial_source_descriptor, GV_CALLS_LINE};
+                     serial_source_descriptor, GV_CALLS_LINE, tell_cyberglove};
   return 0;
 }

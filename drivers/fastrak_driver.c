@@ -92,6 +92,6 @@ int gv_fastrak_open(const char *url, const gv_pose *T_world_tracker, gv_driver *
     return -1;
   }
   *out = (gv_driver){d, poll_fastrak, serial_source_send, serial_source_ended, serial_source_stats, serial_source_close,
-                     serial_source_descriptor, GV_CALLS_LINE};
+                     serial_source_descriptor, GV_CALLS_LINE, serial_source_tell};
   return 0;
 }

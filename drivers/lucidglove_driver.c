@@ -238,6 +238,6 @@ int gv_lucidglove_open(const char *url, const gv_calibration *cal, gv_side side,
     free(d);
     return -1;
   }
-  *out = (gv_driver){d, poll_lucid, send_lucid, serial_source_ended, stats_lucid, serial_source_close, serial_source_descriptor, GV_CALLS_LINE};
+  *out = (gv_driver){d, poll_lucid, send_lucid, serial_source_ended, stats_lucid, serial_source_close, serial_source_descriptor, GV_CALLS_LINE, serial_source_tell};
   return 0;
 }

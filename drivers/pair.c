@@ -85,6 +85,15 @@ static int pair_descriptor(void *self) {
   return fcu->descriptor ? fcu->descriptor(fcu->self) : -1;
 }
 
+static bool tell_of(const gv_driver *driver, int64_t now_ns, char *out, size_t size) {
+  return driver->tell && driver->tell(driver->self, now_ns, out, size);
+}
+
+static bool tell_pair(void *self, int64_t now_ns, char *out, size_t size) {
+  const pair *p = self;
+  return tell_of(&p->fcu.driver, now_ns, out, size) || tell_of(&p->tracker.driver, now_ns, out, size);
+}
+
 static void close_pair(void *self) {
   pair *p = self;
   p->fcu.driver.close(p->fcu.driver.self);
@@ -102,6 +111,6 @@ int gv_pair_open(gv_driver fcu, gv_driver tracker, gv_driver *out, char *err, si
   }
   p->fcu.driver = fcu;
   p->tracker.driver = tracker;
-  *out = (gv_driver){p, poll_pair, send_pair, pair_ended, pair_stats, close_pair, pair_descriptor, fcu.calls | tracker.calls};
+  *out = (gv_driver){p, poll_pair, send_pair, pair_ended, pair_stats, close_pair, pair_descriptor, fcu.calls | tracker.calls, tell_pair};
   return 0;
 }

@@ -106,10 +106,29 @@ static void receive_fastrak(serial_sim *s, char c) {
 
 // ---- CyberGlove -----------------------------------------------------------------------------------
 
+// The echo and those sensors of an 8-bit frame that number and mask let through; returns their count.
+static int leave_masked_out(const serial_sim *s, uint8_t *byte) {
+  int count = 1;
+  for (int i = 0; i < s->sensors && count <= s->number; i++)
+    if (s->mask[i / 8] >> i % 8 & 1) byte[count++] = byte[1 + i];
+  return count;
+}
+
 static void send_glove(serial_sim *s, char echo) {
   const gv_cyberglove_format format = {s->sensors, s->wide && echo == 'S'};
   uint8_t byte[GV_CYBERGLOVE_MAX_BYTES];
-  put_record(s, byte, gv_cyberglove_encode(&format, s->glove.raw, echo, 1e-9 * (double)s->sim.now_ns, byte));
+  int count = gv_cyberglove_encode(&format, s->glove.raw, echo, 1e-9 * (double)s->sim.now_ns, byte);
+  if (!format.wide) {
+    count = leave_masked_out(s, byte);
+    if (s->error) byte[count++] = 'e';
+    if (s->error) byte[count++] = (uint8_t)s->error;
+    byte[count++] = 0;
+  }
+  put_record(s, byte, count);
+}
+
+static void put_mask(serial_sim *s, const uint8_t mask[3]) {
+  put_bytes(s, mask, 3);
 }
 
 static void answer_query(serial_sim *s, char query) {
@@ -119,6 +138,9 @@ static void answer_query(serial_sim *s, char query) {
   switch (query) {
     case 'S': put_byte(s, (uint8_t)s->sensors); break;
     case 'R': put_byte(s, right); break;
+    case 'N': put_byte(s, s->number); break;
+    case 'M': put_mask(s, s->mask); break;
+    case 'K': put_mask(s, s->sensors == GV_SENSORS ? (const uint8_t[]){0xff, 0xff, 0x3f} : (const uint8_t[]){0xff, 0xff, 0x03}); break;
     case 'C': for (int i = 0; i < 2 * s->sensors; i++) put_byte(s, (uint8_t)(i < s->sensors ? 60 + i : 100 + i)); break;
     default: s->refused++;
   }
@@ -134,10 +156,25 @@ static bool begun_with(const serial_sim *s, const char *text) {
   return s->command_length == strlen(text) && memcmp(s->command, text, strlen(text)) == 0;
 }
 
+static uint8_t take_setting(serial_sim *s, uint8_t value) {
+  put_bytes(s, (const uint8_t[]){(uint8_t)s->command[0], 0}, 2);
+  return value;
+}
+
+// Three bytes; returns true where more are to come.
+static bool take_mask(serial_sim *s, uint8_t byte) {
+  s->mask[s->command_length - 1] = byte;
+  if (s->command_length < 3) return true;
+  take_setting(s, byte);
+  return false;
+}
+
 // Returns true where the command needs more bytes.
 static bool receive_glove_begun(serial_sim *s, char c) {
   if (begun_with(s, "?")) answer_query(s, c);
   else if (begun_with(s, "D") || begun_with(s, "U")) put_bytes(s, (const uint8_t[]){(uint8_t)s->command[0], 0}, 2);
+  else if (s->command[0] == 'N') s->number = take_setting(s, (uint8_t)c);
+  else if (s->command[0] == 'M') return take_mask(s, (uint8_t)c);
   else if (begun_with(s, "1") && c == 'e') return true;
   else if (begun_with(s, "1") && c == 'S') start_glove(s, true);
   else if (!begun_with(s, "1e") || c != 'u') put_bytes(s, "e?", 3);
@@ -150,7 +187,7 @@ static void receive_cyberglove(serial_sim *s, char c) {
   else if (c == 'G') send_glove(s, 'G');
   else if (c == 'S') start_glove(s, false);
   else if (c == GV_CYBERGLOVE_STOP) s->streaming = false;
-  else if (memchr("?DU1", c, 4)) more = true;
+  else if (memchr("?DU1NM", c, 6)) more = true;
   else put_bytes(s, "e?", 3);
   s->commands += more ? 0 : 1;
   if (more) s->command[s->command_length++] = c;
@@ -219,6 +256,8 @@ void serial_sim_receive(serial_sim *s, const uint8_t *byte, int count) {
 
 void serial_sim_reset(serial_sim *s) {
   s->streaming = s->binary = s->centimetres = s->wide = false;
+  memset(s->mask, 0xff, sizeof s->mask);
+  s->number = GV_SENSORS;
   memset(s->station_on, 0, sizeof s->station_on);
   memset(s->listed, 0, sizeof s->listed);
   s->station_on[1] = s->station_on[2] = true;  // the receivers that are plugged in

@@ -28,6 +28,8 @@ typedef struct serial_sim {
   serial_sim_faults faults;
   gv_pose T_tracker_world;
   int sensors;               // of the glove, 18 or 22
+  uint8_t mask[3], number;   // of the glove's sensors that are sent
+  char error;                // that its 8-bit frames end with: 's', 'g' or 0
   uint64_t random;
   // what the driver has set up; a reset forgets it
   bool streaming, binary, centimetres, wide;

@@ -2,9 +2,21 @@
 // Records of a serial device for its driver (serial_source.h). serial_source_next runs in the real-time thread.
 #include "drivers/serial_source.h"
 
+#include <stdio.h>
 #include <stdlib.h>
+#include <string.h>
 
 enum { BITS_PER_BYTE = 10 };   // start, eight, stop
+static const int64_t patience_ns = 2000000000;  // without a record, before the user is told
+
+// For the user's eyes: how many, and what the newest look like.
+static void note_bytes(serial_source *s) {
+  uint64_t newest = 0;
+  const int n = s->count < (int)sizeof newest ? s->count : (int)sizeof newest;
+  memcpy(&newest, s->chunk + s->count - n, (size_t)n);
+  atomic_store_explicit(&s->newest, newest, memory_order_relaxed);
+  atomic_fetch_add_explicit(&s->bytes, (unsigned long)s->count, memory_order_relaxed);
+}
 
 bool serial_source_ready(serial_source *s, bool *may_read) {
   if (s->next < s->count) return true;
@@ -12,6 +24,7 @@ bool serial_source_ready(serial_source *s, bool *may_read) {
   *may_read = false;
   s->next = 0;
   s->count = serial_port_read(&s->port, s->chunk, SERIAL_CHUNK, &s->setting);
+  if (s->count > 0) note_bytes(s);
   return s->count > 0;
 }
 
@@ -31,6 +44,45 @@ int serial_source_open(serial_source *s, int (*set_up)(void *self, int fd), void
   s->port.self = self;
   if (serial_port_open(&s->port, why, sizeof why) == 0) return 0;
   return serial_url_fail(&s->url, "%s", why);
+}
+
+int serial_source_give_up(serial_source *s, const char *why) {
+  atomic_store(&s->gave_up, why);
+  return -1;
+}
+
+// ---- what there is to tell ------------------------------------------------------------------------
+
+static void tell_bytes(serial_source *s, unsigned long bytes, char *out, size_t size) {
+  uint8_t newest[sizeof s->newest];
+  char text[sizeof newest * 3 + 1];
+  const uint64_t word = atomic_load(&s->newest);
+  memcpy(newest, &word, sizeof newest);
+  for (size_t i = 0; i < sizeof newest; i++) snprintf(text + 3 * i, 4, "%02x ", newest[i]);
+  snprintf(out, size, "%s: %lu bytes came (the last: %s) but no record of the %s: expected is %s; %s", s->url.device, bytes, text,
+           s->words->name, s->words->expected, s->words->attempt);
+}
+
+static void tell_silence(serial_source *s, unsigned long bytes, char *out, size_t size) {
+  const char *gave_up = atomic_load(&s->gave_up);
+  if (bytes > 0) tell_bytes(s, bytes, out, size);
+  else if (gave_up) snprintf(out, size, "%s: the %s %s", s->url.device, s->words->name, gave_up);
+  else if (atomic_load(&s->port.connections) == 0) snprintf(out, size, "%s: the line cannot be opened; plug the %s in", s->url.device, s->words->name);
+  else snprintf(out, size, "%s: nothing comes from the %s; %s", s->url.device, s->words->name, s->words->attempt);
+}
+
+bool serial_source_tell(void *self, int64_t now_ns, char *out, size_t size) {
+  serial_source *s = self;
+  const unsigned long records = atomic_load(&s->port.records), bytes = atomic_load(&s->bytes);
+  if (records != s->told_records || s->record_ns == 0) {
+    s->told_records = records;
+    s->told_bytes = bytes;
+    s->record_ns = now_ns;
+    s->told = false;
+  }
+  if (s->told || now_ns - s->record_ns < patience_ns) return false;
+  tell_silence(s, bytes - s->told_bytes, out, size);
+  return s->told = true;
 }
 
 int serial_source_send(void *self, const gv_frame *frame, int count) {

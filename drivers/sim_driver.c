@@ -94,6 +94,6 @@ int gv_sim_open(const char *url, gv_driver *out, char *err, size_t err_size) {
     free(d);
     return -1;
   }
-  *out = (gv_driver){d, sim_poll, sim_send, sim_ended, sim_stats, sim_close, NULL, 0};
+  *out = (gv_driver){d, sim_poll, sim_send, sim_ended, sim_stats, sim_close, NULL, 0, NULL};
   return 0;
 }

@@ -82,13 +82,15 @@ typedef struct gv_sample {
 
 typedef enum gv_event {          // bits of gv_step_result.events
   GV_EVENT_HAND_PLACED = 1 << 0, // first sample: the limbs were put onto the driver frames
-  GV_EVENT_SAMPLE_REFUSED = 1 << 1, // not finite, no unit quaternion, or a jump: held back
+  GV_EVENT_SAMPLE_REFUSED = 1 << 1, // a sample that is no finite number: not taken
   GV_EVENT_CONTACTS_DROPPED = 1 << 2, // more than GV_MAX_CONTACTS: the shallowest left out
   GV_EVENT_PAIRS_DROPPED = 1 << 3, // more than GV_MAX_PAIRS: the last of the list left out
   GV_EVENT_BODY_RESET = 1 << 4,  // a body's state was not finite or ran away: put back, velocity zero
   GV_EVENT_OVERLAP = 1 << 5,     // cores overlapped (penetration beyond the radius)
   GV_EVENT_PAIRS_LEFT_OVER = 1 << 7, // collision detection was over its budget: the least urgent pairs not asked
-  GV_EVENT_QUICKSTEP = 1 << 6    // quickstep did a step that another solver was asked for
+  GV_EVENT_QUICKSTEP = 1 << 6,   // quickstep did a step that another solver was asked for
+  GV_EVENT_SAMPLE_JUMP = 1 << 8, // faster than a hand: held back until the next sample says the same
+  GV_EVENT_SAMPLE_NO_POSE = 1 << 9 // no unit quaternion, or farther than 100 m: not taken
 } gv_event;
 
 typedef struct gv_contact {

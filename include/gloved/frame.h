@@ -45,6 +45,9 @@ typedef struct gv_driver {
   // none, for example with the device unplugged; it may become another one at any time. Null: never (in the process).
   int (*descriptor)(void *self);
   unsigned calls;                         // GV_CALLS_...: the system calls of poll and send; 0: none
+  // Something to say to the user: one line "what; what to do" in out; false: nothing for now. Each thing is said once,
+  // until it has been mended. Asked ten times a second by an ordinary thread, now_ns of CLOCK_MONOTONIC. Null: never.
+  bool (*tell)(void *self, int64_t now_ns, char *out, size_t size);
 } gv_driver;
 
 // Valid FD length that holds `len` bytes (9 -> 12); 0..64.

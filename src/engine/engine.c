@@ -140,12 +140,17 @@ static void move_driver(gv_engine *e) {
   }
 }
 
+static uint32_t refusal_events(unsigned why) {
+  return (why & GV_SAMPLE_NOT_FINITE ? GV_EVENT_SAMPLE_REFUSED : 0u) | (why & GV_SAMPLE_JUMP ? GV_EVENT_SAMPLE_JUMP : 0u) |
+         (why & GV_SAMPLE_NO_POSE ? GV_EVENT_SAMPLE_NO_POSE : 0u);
+}
+
 static void take_sample(gv_engine *e, const gv_sample *sample) {
   if (sample->glove_new || sample->pose_new) {
     e->counters.samples++;
     int refused = gv_condition_sample(&e->condition, &e->cfg, sample, &e->counters.angles_limited);
     if (refused) {
-      e->events |= GV_EVENT_SAMPLE_REFUSED;
+      e->events |= refusal_events(e->condition.why);
       e->counters.samples_refused += (uint64_t)refused;
     }
   }

@@ -81,9 +81,14 @@ static bool gate_joint(gv_condition *c, int i, double value, double gate) {
 // What a gate in units a second lets pass in one sample that came age_s after the last.
 static double gate_of(double per_s, double age_s) { return per_s * fmax(age_s, gate_least_s); }
 
+static int refuse(gv_condition *c, gv_sample_refusal why) {
+  c->why |= why;
+  return 1;
+}
+
 static int take_glove(gv_condition *c, const gv_config *cfg, const gv_sample *sample, uint64_t *limited) {
   for (int i = 0; i < GV_SENSORS; i++)
-    if (!isfinite(sample->raw[i])) return 1;
+    if (!isfinite(sample->raw[i])) return refuse(c, GV_SAMPLE_NOT_FINITE);
   const double gate = gate_of(cfg->gate_rad_s, c->glove_age_s);
   int refused = 0;
   c->glove_age_s = 0.0;
@@ -92,7 +97,7 @@ static int take_glove(gv_condition *c, const gv_config *cfg, const gv_sample *sa
     double a = gv_clamp(read, cfg->hand.angle_min_rad[i], cfg->hand.angle_max_rad[i]);
     if (fabs(a - read) > beyond_rad) (*limited)++;
     if (!c->glove_seen) c->angle[i] = c->target[i] = c->held[i] = a;
-    else refused += gate_joint(c, i, a, gate);
+    else if (gate_joint(c, i, a, gate)) refused += refuse(c, GV_SAMPLE_JUMP);
   }
   c->glove_seen = true;
   return refused;
@@ -106,7 +111,8 @@ static bool pose_jumps(const gv_pose *T, const gv_pose *from, double gate_m, dou
 static int take_pose(gv_condition *c, const gv_config *cfg, const gv_sample *sample) {
   gv_pose T = sample->T_world_receiver;
   double n = T.q.w * T.q.w + T.q.x * T.q.x + T.q.y * T.q.y + T.q.z * T.q.z;
-  if (!gv_pose_finite(T) || fabs(n - 1.0) > 0.01 || gv_norm(T.p) > 100.0) return 1;
+  if (!gv_pose_finite(T)) return refuse(c, GV_SAMPLE_NOT_FINITE);
+  if (fabs(n - 1.0) > 0.01 || gv_norm(T.p) > 100.0) return refuse(c, GV_SAMPLE_NO_POSE);
   const double gate_m = gate_of(cfg->gate_m_s, c->pose_age_s);
   const double gate_rad = gate_of(cfg->gate_rad_s, c->pose_age_s);
   c->pose_age_s = 0.0;
@@ -121,11 +127,12 @@ static int take_pose(gv_condition *c, const gv_config *cfg, const gv_sample *sam
   c->wrist_holding = pose_jumps(&T, &c->wrist_target, gate_m, gate_rad) && !confirmed;
   c->wrist_held = T;
   if (!c->wrist_holding) c->wrist_target = T;
-  return c->wrist_holding;
+  return c->wrist_holding ? refuse(c, GV_SAMPLE_JUMP) : 0;
 }
 
 int gv_condition_sample(gv_condition *c, const gv_config *cfg, const gv_sample *sample, uint64_t *limited) {
   int refused = 0;
+  c->why = 0;
   if (sample->glove_new) refused += take_glove(c, cfg, sample, limited);
   if (sample->pose_new) refused += take_pose(c, cfg, sample);
   return refused;

@@ -18,6 +18,13 @@ typedef struct gv_decay {
   double ee, ev, ve, vv;
 } gv_decay;
 
+// Why a part of a sample was not taken; bits.
+typedef enum gv_sample_refusal {
+  GV_SAMPLE_NOT_FINITE = 1,
+  GV_SAMPLE_JUMP = 2,          // held back until the next sample says the same
+  GV_SAMPLE_NO_POSE = 4        // no unit quaternion, or farther than 100 m
+} gv_sample_refusal;
+
 typedef struct gv_condition {
   double angle[GV_SENSORS];     // filtered joint angles, rad
   double rate[GV_SENSORS];      // and their rates, rad/s
@@ -35,6 +42,7 @@ typedef struct gv_condition {
   double pace_share;            // of the way from pace to rate that a step takes
   double corner_per_rad_s, corner_per_m_s; // corners that a pace of 1 lifts by
   gv_decay corner[GV_CORNERS];
+  unsigned why;                 // gv_sample_refusal bits of the last sample
 } gv_condition;
 
 void gv_condition_init(gv_condition *c, const gv_config *cfg);

@@ -5,7 +5,7 @@
 #include <stdio.h>
 #include <string.h>
 
-enum { COUNT_MAX = 4095, WIDE_MAX = 4094, MARK = 3, TIME = 14 };
+enum { COUNT_MAX = 4095, WIDE_MAX = 4094, MARK = 3, TIME = 14, ERROR = 2 };
 static const double dij_per_pij = 2.0 / 3.0;
 static const uint8_t mark[MARK] = {0x0d, 0x0a, 0x00};
 
@@ -25,12 +25,22 @@ static bool has_sensor(const gv_cyberglove_format *format, int sensor) {
 
 // ---- frames ---------------------------------------------------------------------------------------
 
+static bool is_error(const uint8_t *byte) { return byte[0] == 'e' && (byte[1] == 's' || byte[1] == 'g'); }
+
+// A frame whose last two sensors read "es" or "eg" is far more often one with an error that began two sensors too late,
+// since a sensor may read 'S' or 'G': it is not taken.
 static int scan_narrow(int sensors, const uint8_t *byte, int count) {
+  const int end = sensors + 1;
   if (byte[0] != 'S' && byte[0] != 'G') return -1;
-  for (int i = 1; i < count && i <= sensors; i++)
+  for (int i = 1; i < count && i < end; i++)
     if (byte[i] == 0) return -1;
-  if (count < sensors + 2) return 0;
-  return byte[sensors + 1] == 0 ? sensors + 2 : -1;
+  if (count <= end) return 0;
+  if (byte[end] == 0) return is_error(byte + end - ERROR) ? -1 : end + 1;
+  if (byte[end] != 'e') return -1;
+  if (count <= end + 1) return 0;
+  if (!is_error(byte + end)) return -1;
+  if (count <= end + ERROR) return 0;
+  return byte[end + ERROR] == 0 ? end + ERROR + 1 : -1;
 }
 
 // The time "HH:MM:SS:ss:nS", as far as it is there.
@@ -42,9 +52,15 @@ static bool time_may_be(const uint8_t *byte, int count) {
   return true;
 }
 
-// Where the time starts: behind the mark, and behind the "nS" that may stand there.
+// Where the time starts: behind the mark, and behind the "nS" or "e1" that may stand there.
 static int time_at(const uint8_t *byte, int count) {
-  return count > MARK + 1 && is_digit(byte[MARK]) && byte[MARK + 1] == 'S' ? MARK + 2 : MARK;
+  const uint8_t *p = byte + MARK;
+  if (count > MARK && p[0] == 'e') return MARK + 2;
+  return count > MARK + 1 && is_digit(p[0]) && p[1] == 'S' ? MARK + 2 : MARK;
+}
+
+static bool stray_may_be(const uint8_t *byte, int count) {
+  return count <= MARK + 1 || byte[MARK] != 'e' || byte[MARK + 1] == '1';
 }
 
 // Whether the last bytes could be the next frame's mark and the first digit of its time: so they are where one
@@ -61,10 +77,10 @@ static int scan_wide(int sensors, const uint8_t *byte, int count) {
   if (memcmp(byte, mark, (size_t)(count < MARK ? count : MARK)) != 0) return -1;
   if (count <= MARK) return 0;
   const int time = time_at(byte, count), data = time + TIME, end = data + 2 * sensors;
-  if (!time_may_be(byte + time, count - time)) return -1;
+  if (!stray_may_be(byte, count) || !time_may_be(byte + time, count - time)) return -1;
   for (int i = data; i + 1 < count && i < end; i += 2) {
     const int value = byte[i] << 8 | byte[i + 1];
-    if (value < 1 || value > WIDE_MAX) return -1;
+    if (value < 1 || value > COUNT_MAX) return -1;
   }
   if (count < end) return 0;
   if (!ends_like_mark(byte, end)) return end;
@@ -75,6 +91,11 @@ static int scan_wide(int sensors, const uint8_t *byte, int count) {
 int gv_cyberglove_scan(const void *format, const uint8_t *byte, int count) {
   const gv_cyberglove_format *f = format;
   return f->wide ? scan_wide(f->sensors, byte, count) : scan_narrow(f->sensors, byte, count);
+}
+
+gv_cyberglove_end gv_cyberglove_end_of(const gv_cyberglove_format *format, const uint8_t *byte, int length) {
+  if (format->wide || length == format->sensors + 2) return GV_CYBERGLOVE_PLAIN;
+  return byte[length - ERROR] == 'g' ? GV_CYBERGLOVE_UNPLUGGED : GV_CYBERGLOVE_TOO_FAST;
 }
 
 static void fill_distal(const gv_calibration *cal, uint16_t raw[GV_SENSORS]) {

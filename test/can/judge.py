@@ -162,12 +162,35 @@ class Skip(Exception):
 
 def test_cannelloni_in_between():
     if not os.path.exists(os.path.join(FOLDER, "cannelloni.json")):
-        raise Skip("no cannelloni: set CANNELLONI=/path/to/cannelloni")
+        raise Skip("no cannelloni (Debian 12 has none): make test-can CANNELLONI=/path/to/cannelloni")
     run, judge = summary("cannelloni"), kept_limits("cannelloni")
     reached("cannelloni", "armed -> active")
     assert run["frames"]["bad"] == run["frames"]["foreign"] == run["frames"]["overflow"] == 0, run["frames"]
+    assert run["frames"]["lost"] == run["frames"]["late"] == 0, run["frames"]
     assert judge["refused_frames"] == 0 and judge["commands"] > 100 and max(run["force_max_n"]) > 0.1, judge
     return f"{run['frames']['rx']} frames in, {judge['commands']} commands through, largest force {max(run['force_max_n']):.2f} N"
+
+
+def need_cannelloni(name):
+    if not os.path.exists(os.path.join(FOLDER, name + ".json")):
+        raise Skip("no cannelloni")
+    return summary(name)
+
+
+def test_cannelloni_that_stalls():
+    run = need_cannelloni("stalls")
+    reached("stalls", "armed -> active")
+    assert run["frames"]["lost"] == 0 and run["frames"]["bad"] == 0, run["frames"]
+    assert "too many bad or lost frames" not in text("stalls.gloved"), text("stalls.gloved")
+    return f"ten stalls of 20 ms: {run['frames']['rx']} frames in, {run['frames']['late']} late, none lost"
+
+
+def test_classic_can_behind_cannelloni():
+    run, judge = need_cannelloni("classic_cannelloni"), device("classic_cannelloni")
+    reached("classic_cannelloni", "armed -> active")
+    assert run["frames"]["foreign"] == run["frames"]["bad"] == run["frames"]["lost"] == 0, run["frames"]
+    assert judge["refused_frames"] == 0 and judge["commands"] > 100 and max(run["force_max_n"]) > 0.1, judge
+    return f"{run['frames']['rx']} messages in, {judge['commands']} classic commands through, largest force {max(run['force_max_n']):.2f} N"
 
 
 def main():

@@ -206,7 +206,7 @@ static gv_session session;
 
 // One run of the loop on an empty world. Returns the number of engine steps.
 static uint64_t run_loop(fake *device, gv_pace pace, int64_t periods_max, bool stopped) {
-  gv_driver driver = {device, poll_fake, send_fake, fake_ended, fake_stats, close_fake, device->readable ? fake_descriptor : NULL, 0};
+  gv_driver driver = {device, poll_fake, send_fake, fake_ended, fake_stats, close_fake, device->readable ? fake_descriptor : NULL, 0, NULL};
   gv_config config = gv_config_default();
   const gv_scene nothing = {.gravity_m_s2 = {0, 0, -9.81}};
   const gv_session_config session_config = {.limiter = gv_limiter_config_default(), .safety = gv_safety_config_default(),

@@ -226,6 +226,53 @@ static void test_glove_golden(void) {
   CHECK(raw[0] == 16 && raw[19] == 4079, "%d %d", raw[0], raw[19]);
 }
 
+// "es" and "eg" in front of the final 0 (ViSTA, VistaCyberGloveDriver: sampled too fast; glove not plugged in).
+static int glove_with_error(uint8_t out[26], const uint8_t value[22], char error) {
+  out[0] = 'S';
+  memcpy(out + 1, value, 22);
+  if (error) memcpy(out + 23, (const char[]){'e', error}, 2);
+  out[error ? 25 : 23] = 0;
+  return error ? 26 : 24;
+}
+
+static void test_glove_errors_at_the_end(void) {
+  static const struct { char error; gv_cyberglove_end end; } t[] = {
+    {0, GV_CYBERGLOVE_PLAIN}, {'s', GV_CYBERGLOVE_TOO_FAST}, {'g', GV_CYBERGLOVE_UNPLUGGED}};
+  uint8_t bytes[26];
+  cal = gv_calibration_default();
+  for (int i = 0; i < 3; i++) {
+    const int count = glove_with_error(bytes, reading, t[i].error);
+    reset();
+    CHECK(push_glove(glove22, bytes, count) == 1 && f.bad_bytes == 0, "error %c: no frame", t[i].error);
+    CHECK(gv_cyberglove_end_of(&glove22, f.byte, count) == t[i].end, "error %c: end", t[i].error);
+    for (int k = 0; k < 22; k++) CHECK(fabs(raw[k] - reading[k] * 4095.0 / 255.0) <= 0.5, "sensor %d: %d", k, raw[k]);
+  }
+}
+
+// A sensor at the value of 'S' or 'G' looks like a beginning. Wherever the stream is first heard, and whatever its frames
+// end with, no frame comes out with its sensors shifted.
+static void test_glove_sensors_that_read_s_or_g_never_shift(void) {
+  static const char ends[] = {0, 's', 'g'};
+  cal = gv_calibration_default();
+  for (int k = 0; k < 22 * 2 * 3; k++) {
+    uint8_t value[22], stream[26 * 4];
+    memcpy(value, reading, 22);
+    value[k % 22] = k / 22 % 2 ? 'G' : 'S';
+    int count = 0, frame = 0;
+    for (int i = 0; i < 4; i++) count += frame = glove_with_error(stream + count, value, ends[k / 44]);
+    for (int from = 0; from < frame; from++) {
+      reset();
+      int frames = 0;
+      for (int i = from; i < count; i++) {
+        if (push_glove(glove22, stream + i, 1) == 0) continue;
+        frames++;
+        for (int s = 0; s < 22; s++) CHECK(fabs(raw[s] - value[s] * 4095.0 / 255.0) <= 0.5, "end %d, from %d: sensor %d", ends[k / 44], from, s);
+      }
+      CHECK(frames == (from == 0 ? 4 : 3), "%d frames from %d", frames, from);
+    }
+  }
+}
+
 // 18 sensors: each lands on its joint, and each DIJ is two thirds of the angle of its PIJ, whatever the calibration.
 static void test_glove_18_sensors(void) {
   static const int order[18] = {GV_THUMB_ROTATE, GV_THUMB_MPJ, GV_THUMB_IJ, GV_THUMB_ABDUCTION, GV_INDEX_MPJ, GV_INDEX_PIJ,
@@ -388,6 +435,8 @@ int main(void) {
   RUN(test_fastrak_round_trip);
   RUN(test_fastrak_commands);
   RUN(test_glove_golden);
+  RUN(test_glove_errors_at_the_end);
+  RUN(test_glove_sensors_that_read_s_or_g_never_shift);
   RUN(test_glove_18_sensors);
   RUN(test_glove_wide);
   RUN(test_glove_truncated_anywhere);

@@ -81,7 +81,9 @@ gv_pose gv_snapshot_object_pose(const gv_object *object, gv_pose T_world_body) {
 static const char *engine_event_text(uint32_t bit) {
   switch ((gv_event)bit) {
     case GV_EVENT_HAND_PLACED: return "hand placed at the first sample";
-    case GV_EVENT_SAMPLE_REFUSED: return "sample refused: not a number, or no rotation";
+    case GV_EVENT_SAMPLE_REFUSED: return "sample refused: not a finite number";
+    case GV_EVENT_SAMPLE_JUMP: return "sample held back: a jump faster than a hand moves (gate_rad_s, gate_m_s)";
+    case GV_EVENT_SAMPLE_NO_POSE: return "sample refused: no unit quaternion, or farther than 100 m";
     case GV_EVENT_CONTACTS_DROPPED: return "more contacts than GV_MAX_CONTACTS: the shallowest dropped";
     case GV_EVENT_PAIRS_DROPPED: return "more pairs than GV_MAX_PAIRS: the last dropped";
     case GV_EVENT_BODY_RESET: return "a body's state was not finite or ran away: put back";

@@ -25,6 +25,16 @@ static void report_refusals(const gv_loop *loop, bool *reported) {
   fprintf(stderr, "gloved: %s\n", text);
 }
 
+// What the devices have to say, ten times a second at most.
+static void report_devices(const gv_loop *loop, gv_view *view, int64_t *next_ns) {
+  char text[GV_VIEW_NOTE];
+  const gv_driver *driver = loop->driver;
+  const int64_t now_ns = clock_ns();
+  if (!driver->tell || now_ns < *next_ns) return;
+  *next_ns = now_ns + 100000000;
+  while (driver->tell(driver->self, now_ns, text, sizeof text)) gv_view_note(view, text);
+}
+
 static void empty_rings(gv_loop *loop, const gv_listeners *to) {
   const gv_frame *frame;
   const gv_record *record;
@@ -58,10 +68,12 @@ static void empty_rings(gv_loop *loop, const gv_listeners *to) {
 void gv_slow_run(gv_loop *loop, const gv_listeners *to) {
   const struct timespec pause = {0, SLEEP_NS};
   bool reported = loop->starts > 1;
+  int64_t devices_ns = 0;
   while (gv_loop_running(loop)) {
     report_refusals(loop, &reported);
     empty_rings(loop, to);
     gv_telemetry_listen(to->telemetry, clock_ns());
+    report_devices(loop, to->view, &devices_ns);
     nanosleep(&pause, NULL);
   }
   report_refusals(loop, &reported);

@@ -119,11 +119,20 @@ void gv_view_open(gv_view *view, const char *title, const gv_scene *scene, doubl
 
 void gv_view_change_scene(gv_view *view) { view->screens = 0; }
 
+static char *push_line(gv_view *view) {
+  memmove(view->record[0], view->record[1], sizeof view->record - sizeof view->record[0]);
+  return view->record[GV_VIEW_RECORDS - 1];
+}
+
+void gv_view_note(gv_view *view, const char *text) {
+  if (view->terminal && !view->quiet) snprintf(push_line(view), sizeof view->record[0], "%s", text);
+  fprintf(stderr, "gloved: %s\n", text);
+}
+
 void gv_view_record(gv_view *view, const gv_record *record) {
   char text[GV_RECORD_TEXT];
   gv_record_text(record, text);
-  memmove(view->record[0], view->record[1], sizeof view->record - sizeof view->record[0]);
-  snprintf(view->record[GV_VIEW_RECORDS - 1], sizeof view->record[0], "%10.3f s  %s", record->time_s, text);
+  snprintf(push_line(view), sizeof view->record[0], "%10.3f s  %s", record->time_s, text);
   if (!view->quiet && !view->terminal) printf("%s\n", view->record[GV_VIEW_RECORDS - 1]);
 }
 

@@ -9,6 +9,7 @@
 
 enum {
   GV_VIEW_RECORDS = 3,   // events on the screen
+  GV_VIEW_NOTE = 400,    // characters of what a device has to say
   GV_VIEW_OBJECTS = 4,   // objects that can move on the screen: 23 lines in all
   GV_VIEW_HISTORY = 10   // screens between two compared poses: slip per second at 10 Hz
 };
@@ -30,6 +31,8 @@ void gv_view_open(gv_view *view, const char *title, const gv_scene *scene, doubl
 // The scene given to gv_view_open has other objects now.
 void gv_view_change_scene(gv_view *view);
 void gv_view_record(gv_view *view, const gv_record *record);
+// What a device has to say: on standard error, and among the events of the screen.
+void gv_view_note(gv_view *view, const char *text);
 // Draws when it is time; now_ns of CLOCK_MONOTONIC.
 void gv_view_snapshot(gv_view *view, int64_t now_ns, const gv_loop *loop, const gv_snapshot *snapshot);
 // Gives the terminal back as it was.
