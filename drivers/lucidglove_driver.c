@@ -48,6 +48,8 @@ typedef struct lucidglove {
   int64_t seen_ms;
 } lucidglove;
 
+static const serial_words words = {"LucidGlove", "lines of letters with numbers, from A on", "compare baud and max with its firmware's Config.h"};
+
 // ---- lines out ------------------------------------------------------------------------------------
 
 static bool take(lucidglove *d) { return !atomic_flag_test_and_set_explicit(&d->busy, memory_order_acquire); }
@@ -229,6 +231,7 @@ int gv_lucidglove_open(const char *url, const gv_calibration *cal, gv_side side,
     return -1;
   }
   d->cal = *cal;
+  d->source.words = &words;
   d->side = side;
   d->source.port.look = look;
   d->source.port.let_go = let_go;

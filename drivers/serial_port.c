@@ -177,6 +177,7 @@ static void *keep(void *argument) {
   serial_port *port = argument;
   int fd = port->first_fd;
   for (;;) {
+    atomic_store(&port->opened, fd >= 0);
     if (fd >= 0) {
       serve(port, fd);
       let_go(port, fd);
@@ -206,6 +207,7 @@ int serial_port_open(serial_port *port, char *why, size_t why_size) {
   atomic_init(&port->fd, -1);
   atomic_init(&port->reading, false);
   atomic_init(&port->stop, false);
+  atomic_init(&port->opened, true);
   atomic_init(&port->setting, 0);
   atomic_init(&port->records, 0);
   atomic_init(&port->connections, 0);

@@ -37,6 +37,7 @@ typedef struct serial_port {
   atomic_int fd;             // the reader's; -1: none
   atomic_bool reading;       // the reader is inside read() or write()
   atomic_bool stop;
+  atomic_bool opened;        // the keeper has the line: it sets the device up, or watches
   atomic_int setting;        // what set_up returned
   atomic_ulong records;      // written by the reader: the device is alive
   atomic_uint connections;   // times that a device was handed over

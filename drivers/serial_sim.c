@@ -3,6 +3,7 @@
 #include "drivers/serial_sim.h"
 
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 
 #include "gloved/channel.h"
@@ -57,7 +58,8 @@ static void put_record(serial_sim *s, const uint8_t *byte, int count) {
 static void send_pose(serial_sim *s, const gv_pose_msg *msg) {
   const int station = msg->receiver;
   if (!s->streaming || !s->station_on[station] || !s->listed[station]) return;
-  gv_fastrak_record record = {station, ' ', gv_pose_mul(s->T_tracker_world, msg->T_world_receiver)};
+  const char error = s->error ? s->error : ' ';
+  gv_fastrak_record record = {station, error, true, gv_pose_mul(s->T_tracker_world, msg->T_world_receiver)};
   if (!s->centimetres) record.T_tracker_receiver.p = gv_scale(record.T_tracker_receiver.p, 1.0 / 2.54);
   uint8_t byte[GV_FASTRAK_ASCII_BYTES];
   put_record(s, byte, gv_fastrak_encode(s->binary ? GV_FASTRAK_BINARY : GV_FASTRAK_ASCII, &record, byte));
@@ -70,14 +72,51 @@ static void refuse(serial_sim *s) {
   put_bytes(s, text, n);
 }
 
+// Manual, page 69: flags 3F0 and the bits of format, units and continuous output.
+static void put_status(serial_sim *s) {
+  char text[80];
+  const int flags = 0x3f0 | s->binary | s->centimetres << 1 | s->streaming << 3;
+  const int n = snprintf(text, sizeof text, "21S%03X    F3F  2.52  %-32s\r\n", (unsigned)flags, "simulated");
+  put_bytes(s, text, n);
+}
+
+static void put_stations(serial_sim *s) {
+  char text[16];
+  const int n = snprintf(text, sizeof text, "21l%d%d%d%d\r\n", s->station_on[1], s->station_on[2], s->station_on[3], s->station_on[4]);
+  put_bytes(s, text, n);
+}
+
+static void set_station(serial_sim *s, int station, const char *rest) {
+  if (rest[0] == '\0') put_stations(s);
+  else s->station_on[station] = rest[1] == '1' && !s->unplugged[station];
+}
+
 // A command that ends with CR.
 static void run_fastrak_line(serial_sim *s) {
-  const char *c = s->command;
+  const char *c = s->command, *rest = c + 2;
   const int station = s->command_length > 1 ? c[1] - '0' : 0;
-  const bool known = (c[0] == 'l' || c[0] == 'H' || c[0] == 'O') && station >= 1 && station <= GV_FASTRAK_STATIONS;
-  if (known && c[0] == 'l' && s->command_length == 4) s->station_on[station] = c[3] == '1';
-  else if (known && c[0] == 'O') s->listed[station] = strcmp(c + 2, s->binary ? ",2,11,0" : ",2,11,1") == 0;
-  else if (!known || c[0] == 'l') refuse(s);
+  if (memchr("vx", c[0], 2)) {
+    s->filtered = s->filtered && strcmp(c + 1, ",1") != 0;
+    return;
+  }
+  if (station < 1 || station > GV_FASTRAK_STATIONS) {
+    refuse(s);
+    return;
+  }
+  switch (c[0]) {
+    case 'l': set_station(s, station, rest); break;
+    case 'O': s->listed[station] = strcmp(rest, s->binary ? ",2,11,0" : ",2,11,1") == 0; break;
+    case 'I': s->increment[station] = strtod(rest + 1, NULL); break;
+    case 'R': s->aligned[station] = false; break;
+    case 'b': s->boresighted[station] = false; break;
+    case 'H': break;
+    default: refuse(s);
+  }
+}
+
+static void set_centimetres(serial_sim *s) {
+  if (s->deaf_to_units > 0) s->deaf_to_units--;
+  else s->centimetres = true;
 }
 
 static void receive_fastrak(serial_sim *s, char c) {
@@ -89,12 +128,13 @@ static void receive_fastrak(serial_sim *s, char c) {
   switch (s->command_length ? '\r' : c) {
     case 'c': s->streaming = false; break;
     case 'C': s->streaming = true; break;
-    case 'u': s->centimetres = true; break;
+    case 'S': put_status(s); break;
+    case 'u': set_centimetres(s); break;
     case 'U': s->centimetres = false; break;
     case 'f': s->binary = true; break;
     case 'F': s->binary = false; break;
     case CTRL_Y: serial_sim_reset(s); break;
-    case 'l': case 'H': case 'O': s->command[s->command_length++] = c; break;
+    case 'l': case 'H': case 'O': case 'I': case 'R': case 'b': case 'v': case 'x': s->command[s->command_length++] = c; break;
     case '\r':
       if (s->command_length > 0) run_fastrak_line(s);
       memset(s->command, 0, sizeof s->command);

@@ -29,10 +29,15 @@ typedef struct serial_sim {
   gv_pose T_tracker_world;
   int sensors;               // of the glove, 18 or 22
   uint8_t mask[3], number;   // of the glove's sensors that are sent
-  char error;                // that its 8-bit frames end with: 's', 'g' or 0
+  char error;                // of every record; 0: none. FASTRAK: the letter; CyberGlove: 's' or 'g' at the end of 8-bit frames
   uint64_t random;
   // what the driver has set up; a reset forgets it
   bool streaming, binary, centimetres, wide;
+  // what its memory keeps, and a driver has to set: 0 and false is as it should be
+  double increment[GV_FASTRAK_STATIONS + 1];
+  bool aligned[GV_FASTRAK_STATIONS + 1], boresighted[GV_FASTRAK_STATIONS + 1], filtered;
+  int deaf_to_units;         // so many more `u` get lost on the way
+  bool unplugged[GV_FASTRAK_STATIONS + 1];
   bool station_on[GV_FASTRAK_STATIONS + 1], listed[GV_FASTRAK_STATIONS + 1];
   char command[SERIAL_SIM_COMMAND]; // begun
   unsigned command_length;

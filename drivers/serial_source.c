@@ -8,6 +8,7 @@
 
 enum { BITS_PER_BYTE = 10 };   // start, eight, stop
 static const int64_t patience_ns = 2000000000;  // without a record, before the user is told
+static const int64_t set_up_ns = 6000000000;    // the same while the first set-up goes on
 
 // For the user's eyes: how many, and what the newest look like.
 static void note_bytes(serial_source *s) {
@@ -67,7 +68,7 @@ static void tell_silence(serial_source *s, unsigned long bytes, char *out, size_
   const char *gave_up = atomic_load(&s->gave_up);
   if (bytes > 0) tell_bytes(s, bytes, out, size);
   else if (gave_up) snprintf(out, size, "%s: the %s %s", s->url.device, s->words->name, gave_up);
-  else if (atomic_load(&s->port.connections) == 0) snprintf(out, size, "%s: the line cannot be opened; plug the %s in", s->url.device, s->words->name);
+  else if (!atomic_load(&s->port.opened)) snprintf(out, size, "%s: the line is gone; plug the %s in", s->url.device, s->words->name);
   else snprintf(out, size, "%s: nothing comes from the %s; %s", s->url.device, s->words->name, s->words->attempt);
 }
 
@@ -80,7 +81,8 @@ bool serial_source_tell(void *self, int64_t now_ns, char *out, size_t size) {
     s->record_ns = now_ns;
     s->told = false;
   }
-  if (s->told || now_ns - s->record_ns < patience_ns) return false;
+  const bool set_up = atomic_load(&s->port.connections) == 0 && atomic_load(&s->port.opened) && !atomic_load(&s->gave_up);
+  if (s->told || now_ns - s->record_ns < (set_up ? set_up_ns : patience_ns)) return false;
   tell_silence(s, bytes - s->told_bytes, out, size);
   return s->told = true;
 }

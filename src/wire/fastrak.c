@@ -104,7 +104,9 @@ int gv_fastrak_scan(const void *format, const uint8_t *byte, int count) {
 void gv_fastrak_decode(gv_fastrak_format format, const uint8_t *byte, gv_fastrak_record *out) {
   out->station = byte[1] - '0';
   out->error = (char)byte[2];
-  if (!read_pose(format, byte, &out->T_tracker_receiver)) out->T_tracker_receiver = gv_pose_identity();
+  const bool sound = read_pose(format, byte, &out->T_tracker_receiver);
+  if (!sound) out->T_tracker_receiver = gv_pose_identity();
+  out->usable = sound && !gv_fastrak_error_concerns_pose(out->error);
   out->T_tracker_receiver.q = gv_quat_normalize(out->T_tracker_receiver.q);
 }
 
@@ -129,7 +131,12 @@ int gv_fastrak_encode(gv_fastrak_format format, const gv_fastrak_record *record,
   return GV_FASTRAK_ASCII_BYTES;
 }
 
-// Manual, command T: capital letters are tests of the electronics, small ones those below.
+bool gv_fastrak_error_concerns_pose(char error) {
+  static const char others[] = {' ', 'm', 't', 'v', 'w'};
+  return memchr(others, error, sizeof others) == NULL;
+}
+
+// Manual, pages 70 and 71: capital letters are tests of the electronics, small ones those below.
 const char *gv_fastrak_error_text(char error) {
   switch (error) {
     case ' ': return "none";
@@ -140,6 +147,9 @@ const char *gv_fastrak_error_text(char error) {
     case 'k': return "receiver signal too low: too far from the transmitter, or unplugged";
     case 'l': return "receiver signal is zero: unplugged";
     case 'm': case 'w': return "configuration memory of the tracker";
+    case 's': return "position found anew";
+    case 't': return "compensation map of the tracker";
+    case 'v': return "no CRT sync signal";
     case 'u': return "position outside the compensated volume";
     case 'x': return "receiver outside the motion box";
     case 'y': return "angles outside the allowed range";
@@ -149,16 +159,75 @@ const char *gv_fastrak_error_text(char error) {
 
 // ---- commands -------------------------------------------------------------------------------------
 
-int gv_fastrak_commands(const gv_fastrak_setup *setup, char out[GV_FASTRAK_SETUP_MAX]) {
-  const bool binary = setup->format == GV_FASTRAK_BINARY;
+enum { FIRST = 2, PER_STATION = 6, FILTERS = 2 };  // units and format; of a station; both filters
+
+// One of a station's commands. Of one that is off only the first says something.
+static int station_command(const gv_fastrak_setup *setup, int station, int number, char out[GV_FASTRAK_COMMAND_MAX]) {
+  const size_t size = GV_FASTRAK_COMMAND_MAX;
+  const bool on = station == setup->head || station == setup->hand;
   const int *h = setup->hemisphere;
-  int n = snprintf(out, GV_FASTRAK_SETUP_MAX, "u%c", binary ? 'f' : 'F');
-  for (int station = 1; station <= GV_FASTRAK_STATIONS; station++) {
-    const bool on = station == setup->head || station == setup->hand;
-    n += snprintf(out + n, (size_t)(GV_FASTRAK_SETUP_MAX - n), "l%d,%d\r", station, on ? 1 : 0);
-    if (on)
-      n += snprintf(out + n, (size_t)(GV_FASTRAK_SETUP_MAX - n), "H%d,%d,%d,%d\rO%d,2,11,%d\r", station, h[0], h[1], h[2],
-                    station, binary ? 0 : 1);
+  if (number == 0 || !on) return snprintf(out, size, "l%d,%d\r", station, on ? 1 : 0);
+  switch (number) {
+    case 1: return snprintf(out, size, "H%d,%d,%d,%d\r", station, h[0], h[1], h[2]);
+    case 2: return snprintf(out, size, "O%d,2,11,%d\r", station, setup->format == GV_FASTRAK_BINARY ? 0 : 1);
+    case 3: return snprintf(out, size, "I%d,0\r", station);
+    case 4: return snprintf(out, size, "R%d\r", station);
+    default: return snprintf(out, size, "b%d\r", station);
   }
-  return n + snprintf(out + n, (size_t)(GV_FASTRAK_SETUP_MAX - n), "C");
+}
+
+int gv_fastrak_command(const gv_fastrak_setup *setup, int number, char out[GV_FASTRAK_COMMAND_MAX]) {
+  const size_t size = GV_FASTRAK_COMMAND_MAX;
+  const int of_station = number - FIRST, filter = of_station - PER_STATION * GV_FASTRAK_STATIONS;
+  if (number == 0) return snprintf(out, size, "u");
+  if (number == 1) return snprintf(out, size, "%c", setup->format == GV_FASTRAK_BINARY ? 'f' : 'F');
+  if (filter < 0) return station_command(setup, 1 + of_station / PER_STATION, of_station % PER_STATION, out);
+  return filter < FILTERS ? snprintf(out, size, "%c,1\r", filter == 0 ? 'v' : 'x') : 0;
+}
+
+// ---- what it says of itself -----------------------------------------------------------------------
+
+static int hex_digit(uint8_t c) {
+  if (is_digit(c)) return c - '0';
+  return c >= 'A' && c <= 'F' ? c - 'A' + 10 : -1;
+}
+
+static bool is_station(uint8_t c) { return c >= '1' && c < '1' + GV_FASTRAK_STATIONS; }
+
+// Number of the test in three characters, blank: none. Its letter has that number (page 71).
+static char error_of(const uint8_t *p) {
+  int number = 0;
+  for (int i = 0; i < 3; i++)
+    if (is_digit(p[i])) number = 10 * number + p[i] - '0';
+  return is_letter((uint8_t)number) ? (char)number : ' ';
+}
+
+bool gv_fastrak_find_status(const uint8_t *byte, int count, gv_fastrak_status *out) {
+  for (int i = 0; i + 9 <= count; i++) {
+    const uint8_t *p = byte + i;
+    const int flags = hex_digit(p[5]);
+    if (p[0] != '2' || !is_station(p[1]) || p[2] != 'S' || hex_digit(p[3]) < 0 || hex_digit(p[4]) < 0 || flags < 0) continue;
+    *out = (gv_fastrak_status){.binary = flags & 1, .centimetres = flags & 2, .continuous = flags & 8, .error = error_of(p + 6)};
+    return true;
+  }
+  return false;
+}
+
+bool gv_fastrak_find_stations(const uint8_t *byte, int count, bool out_on[GV_FASTRAK_STATIONS + 1]) {
+  for (int i = 0; i + 3 + GV_FASTRAK_STATIONS <= count; i++) {
+    const uint8_t *p = byte + i;
+    bool states = p[0] == '2' && is_station(p[1]) && p[2] == 'l';
+    for (int s = 0; states && s < GV_FASTRAK_STATIONS; s++) states = p[3 + s] == '0' || p[3 + s] == '1';
+    for (int s = 1; states && s <= GV_FASTRAK_STATIONS; s++) out_on[s] = p[2 + s] == '1';
+    if (states) return true;
+  }
+  return false;
+}
+
+bool gv_fastrak_find_refusal(const uint8_t *byte, int count) {
+  static const char mark[] = "*ERROR*";
+  const int n = (int)sizeof mark - 1;
+  for (int i = 0; i + n <= count; i++)
+    if (memcmp(byte + i, mark, (size_t)n) == 0) return true;
+  return false;
 }

@@ -40,7 +40,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
   uint8_t whole[GV_CYBERGLOVE_MAX_BYTES];
   uint16_t raw[GV_SENSORS];
   for (int i = 0; i < GV_SENSORS; i++) raw[i] = (uint16_t)(1000 + i);
-  const gv_fastrak_record record = {3, ' ', {{0.5, -0.5, 0.5, 0.5}, {0.1, -0.2, 0.3}}};
+  const gv_fastrak_record record = {3, ' ', true, {{0.5, -0.5, 0.5, 0.5}, {0.1, -0.2, 0.3}}};
   int length = kind < 4 ? gv_cyberglove_encode(&gloves[kind], raw, 'S', 1.5, whole)
                         : gv_fastrak_encode(trackers[kind - 4], &record, whole), out = 0;
   for (size_t i = 1; i < size; i++) (void)(kind < 4 ? push_glove(&f, &gloves[kind], data[i]) : push_tracker(&f, &trackers[kind - 4], data[i]));

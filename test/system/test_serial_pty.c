@@ -263,6 +263,142 @@ static void test_silent_device(void) {
   stop();
 }
 
+// ---- settings that others left, and what the user is told ----------------------------------------------
+
+// What the tracker's memory kept disagrees, and the first `u` is lost: nothing is measured in inches.
+static void test_fastrak_is_set_right(void) {
+  start(SERIAL_SIM_FASTRAK, 22, "");
+  rig.device.deaf_to_units = 1;
+  rig.device.filtered = true;
+  for (int i = 1; i <= 2; i++) {
+    rig.device.increment[i] = 5;
+    rig.device.aligned[i] = rig.device.boresighted[i] = true;
+  }
+  check_clean(40);
+  CHECK(rig.device.centimetres && !rig.device.filtered, "units or filter");
+  for (int i = 1; i <= 2; i++)
+    CHECK(rig.device.increment[i] == 0 && !rig.device.aligned[i] && !rig.device.boresighted[i], "station %d", i);
+  stop();
+}
+
+static char told[400];
+static int64_t told_ns;
+
+// Asks for what there is to tell, `seconds` later. Returns whether there was something.
+static bool tells_after(double seconds) {
+  told[0] = '\0';
+  told_ns += (int64_t)(seconds * 1e9);
+  return rig.driver.tell(rig.driver.self, told_ns, told, sizeof told);
+}
+
+static void check_told(const char *const words[3]) {
+  CHECK(!tells_after(1), "too early: %s", told);
+  run_ms(100);
+  CHECK(tells_after(2.1), "nothing is told");
+  for (int i = 0; i < 3; i++) CHECK(strstr(told, words[i]), "no \"%s\" in: %s", words[i], told);
+  CHECK(strchr(told, ';') && !strchr(told, '\n'), "%s", told);
+  CHECK(!tells_after(10), "told twice: %s", told);
+}
+
+static void test_bytes_that_are_no_records_are_told(void) {
+  static const char *const words[] = {"bytes came", "seven numbers", "baud"};
+  start(SERIAL_SIM_FASTRAK, 22, "");
+  rig.device.faults.gap = 1;
+  for (int ms = 0; ms < 4000 && !gv_serial_report_of(&rig.driver).connected; ms++) one_ms();
+  check_told(words);
+  rig.device.faults.gap = 0;
+  CHECK(run_frames(5), "no frames");
+  CHECK(!tells_after(1), "mended: %s", told);
+  stop();
+}
+
+static void test_inches_for_ever_are_told(void) {
+  static const char *const words[] = {"FASTRAK", "another unit", "switch it off and on"};
+  start(SERIAL_SIM_FASTRAK, 22, "");
+  rig.device.deaf_to_units = 1 << 30;
+  for (int ms = 0; ms < 3000; ms++) one_ms();
+  CHECK(rig.frames == 0, "%d poses in inches came through", rig.frames);
+  check_told(words);
+  stop();
+}
+
+static void test_a_receiver_that_is_not_plugged_in_is_told(void) {
+  static const char *const words[] = {"FASTRAK", "switched off", "hand= and head="};
+  start(SERIAL_SIM_FASTRAK, 22, "");
+  rig.device.unplugged[1] = true;
+  for (int ms = 0; ms < 1500; ms++) one_ms();
+  check_told(words);
+  stop();
+}
+
+static void test_a_glove_that_does_not_answer_is_told(void) {
+  static const char *const words[] = {"CyberGlove", "?S", "baud"};
+  start(SERIAL_SIM_CYBERGLOVE, 22, "");
+  const int master = rig.cable.master;
+  rig.cable.master = -1;
+  run_ms(1500);
+  check_told(words);
+  rig.cable.master = master;
+  stop();
+}
+
+static unsigned pose_flags;
+static int poses_of_a_while(void) {
+  gv_frame frame[64];
+  int poses = 0;
+  pose_flags = 0;
+  for (int ms = 0; ms < 60; ms++) {
+    rig.now_ns += STEP;
+    exchange_bytes();
+    const int n = rig.driver.poll(rig.driver.self, rig.now_ns, frame, 64);
+    for (int i = 0; i < n; i++) pose_flags |= frame[i].data[1];
+    poses += n;
+    sleep_ms(1);
+  }
+  return poses;
+}
+
+// An error letter is told once, in words; only one that concerns the pose takes it along.
+static void test_error_letters_are_told(void) {
+  static const struct { char letter; const char *words; unsigned flags; } t[] = {
+    {'k', "too low", GV_POSE_TRACKER_ERROR}, {'m', "memory", GV_POSE_VALID}, {'l', "zero", GV_POSE_TRACKER_ERROR}};
+  start(SERIAL_SIM_FASTRAK, 22, "");
+  CHECK(run_frames(5), "no frames");
+  for (size_t i = 0; i < sizeof t / sizeof *t; i++) {
+    run_ms(30);
+    rig.device.error = t[i].letter;
+    poses_of_a_while();
+    CHECK(poses_of_a_while() > 5 && pose_flags == t[i].flags, "letter %c: flags %x", t[i].letter, pose_flags);
+    CHECK(tells_after(0.1) && strstr(told, t[i].words), "letter %c: %s", t[i].letter, told);
+    CHECK(!tells_after(0.1), "told twice: %s", told);
+    rig.device.error = 0;
+    poses_of_a_while();
+    CHECK(!tells_after(0.1), "no error any more: %s", told);
+  }
+  stop();
+}
+
+// Another program left the glove with ten of its sensors: all are asked for again.
+static void test_glove_mask_is_set_right(void) {
+  start(SERIAL_SIM_CYBERGLOVE, 22, "");
+  rig.device.number = 10;
+  rig.device.mask[0] = 0x5b;
+  check_clean(40);
+  stop();
+}
+
+static void test_glove_out_of_its_box_is_a_sensor_fault(void) {
+  start(SERIAL_SIM_CYBERGLOVE, 22, "");
+  rig.device.error = 's';
+  check_clean(20);
+  rig.device.error = 'g';
+  poses_of_a_while();
+  CHECK(poses_of_a_while() > 5 && pose_flags == GV_GLOVE_SENSOR_FAULT, "flags %x", pose_flags);
+  CHECK(tells_after(0.1) && strstr(told, "plug it in"), "%s", told);
+  CHECK(!tells_after(0.1), "told twice: %s", told);
+  stop();
+}
+
 static void test_one_reader_at_a_time(void) {
   char url[128];
   gv_driver second;
@@ -365,6 +501,14 @@ int main(void) {
   RUN(test_reset_is_survived);
   RUN(test_cable_out_and_in);
   RUN(test_silent_device);
+  RUN(test_fastrak_is_set_right);
+  RUN(test_bytes_that_are_no_records_are_told);
+  RUN(test_inches_for_ever_are_told);
+  RUN(test_a_receiver_that_is_not_plugged_in_is_told);
+  RUN(test_a_glove_that_does_not_answer_is_told);
+  RUN(test_error_letters_are_told);
+  RUN(test_glove_mask_is_set_right);
+  RUN(test_glove_out_of_its_box_is_a_sensor_fault);
   RUN(test_one_reader_at_a_time);
   RUN(test_sending_goes_nowhere);
   RUN(test_pair_takes_the_trackers_poses);

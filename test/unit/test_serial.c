@@ -75,7 +75,7 @@ static void test_fastrak_truncated_anywhere(void) {
 
 // The worst place: the next record's header stands where the end was, and z of the quaternion is small.
 static void test_fastrak_truncated_with_small_z(void) {
-  const gv_fastrak_record flat = {1, ' ', {{1, 0, 0, 0}, {0.2, 0.1, 0.05}}};
+  const gv_fastrak_record flat = {1, ' ', true, {{1, 0, 0, 0}, {0.2, 0.1, 0.05}}};
   uint8_t bytes[32];
   gv_fastrak_encode(binary, &flat, bytes);
   for (int n = 0; n < 32; n++) {
@@ -170,7 +170,7 @@ static void test_fastrak_unsound_numbers(void) {
 static void test_fastrak_round_trip(void) {
   for (int k = 0; k < 2000; k++) {
     gv_vec3 axis = gv_normalize_or(gv_v3(check_uniform(&seed, -1, 1), check_uniform(&seed, -1, 1), check_uniform(&seed, -1, 1)), gv_v3(1, 0, 0));
-    gv_fastrak_record in = {1 + k % 4, ' ', {gv_quat_axis_angle(axis, check_uniform(&seed, -3, 3)),
+    gv_fastrak_record in = {1 + k % 4, ' ', true, {gv_quat_axis_angle(axis, check_uniform(&seed, -3, 3)),
                             gv_v3(check_uniform(&seed, -3, 3), check_uniform(&seed, -3, 3), check_uniform(&seed, -3, 3))}};
     for (int format = 0; format < 2; format++) {
       uint8_t bytes[GV_FASTRAK_ASCII_BYTES];
@@ -184,14 +184,61 @@ static void test_fastrak_round_trip(void) {
   }
 }
 
+static void check_commands(const gv_fastrak_setup *setup, const char *expected) {
+  char all[600] = "", one[GV_FASTRAK_COMMAND_MAX];
+  for (int i = 0; gv_fastrak_command(setup, i, one) > 0; i++) {
+    const size_t n = strlen(all);
+    // A station that is off is told so with each of its commands.
+    if (n >= strlen(one) && strcmp(all + n - strlen(one), one) == 0) continue;
+    strcat(all, one);
+  }
+  CHECK(strcmp(all, expected) == 0, "%s", all);
+}
+
 static void test_fastrak_commands(void) {
-  char out[GV_FASTRAK_SETUP_MAX];
   const gv_fastrak_setup both = {GV_FASTRAK_BINARY, 1, 2, {1, 0, 0}};
-  static const char expected[] = "ufl1,1\rH1,1,0,0\rO1,2,11,0\rl2,1\rH2,1,0,0\rO2,2,11,0\rl3,0\rl4,0\rC";
-  CHECK(gv_fastrak_commands(&both, out) == (int)sizeof expected - 1 && strcmp(out, expected) == 0, "%s", out);
+  check_commands(&both, "ufl1,1\rH1,1,0,0\rO1,2,11,0\rI1,0\rR1\rb1\rl2,1\rH2,1,0,0\rO2,2,11,0\rI2,0\rR2\rb2\rl3,0\rl4,0\rv,1\rx,1\r");
   const gv_fastrak_setup one = {GV_FASTRAK_ASCII, 0, 4, {0, 0, -1}};
-  gv_fastrak_commands(&one, out);
-  CHECK(strcmp(out, "uFl1,0\rl2,0\rl3,0\rl4,1\rH4,0,0,-1\rO4,2,11,1\rC") == 0, "%s", out);
+  check_commands(&one, "uFl1,0\rl2,0\rl3,0\rl4,1\rH4,0,0,-1\rO4,2,11,1\rI4,0\rR4\rb4\rv,1\rx,1\r");
+}
+
+// Status as the manual's pages 68 and 69 have it: "2aSfffbbb_F3c___j.k.lmxxxx...", its table of 16 flags, 54 and 55 CR LF.
+static void test_fastrak_status(void) {
+  for (int flags = 0; flags < 16; flags++) {
+    char text[100];
+    gv_fastrak_status status;
+    snprintf(text, sizeof text, "garbage\r\n2%dS3F%X    F33  1.2.34%-32s\r\n", 1 + flags % 4, (unsigned)flags, "FASTRAK");
+    const int n = (int)strlen(text);
+    CHECK(n == 9 + 55, "%d bytes", n);
+    CHECK(gv_fastrak_find_status((const uint8_t *)text, n, &status), "not found in %s", text);
+    CHECK(status.binary == (flags & 1) && status.centimetres == (flags >> 1 & 1) && status.continuous == flags >> 3, "flags %X", (unsigned)flags);
+    CHECK(status.error == ' ', "error %c", status.error);
+    CHECK(!gv_fastrak_find_status((const uint8_t *)text, 12, &status), "half a status");
+  }
+  gv_fastrak_status status;
+  CHECK(gv_fastrak_find_status((const uint8_t *)"22S3F3107 F3", 12, &status) && status.error == 'k', "test 107 is k (page 71): %c", status.error);
+  bool on[GV_FASTRAK_STATIONS + 1];
+  CHECK(gv_fastrak_find_stations((const uint8_t *)"21l1010\r\n", 9, on) && on[1] && !on[2] && on[3] && !on[4], "states of the stations");
+  static const char refusal[] = "2 E*ERROR*I9,0*ERROR* EC -3*PS 1*FL 0*ST 8\r\n";
+  CHECK(gv_fastrak_find_refusal((const uint8_t *)refusal, (int)sizeof refusal - 1), "page 89");
+  CHECK(!gv_fastrak_find_refusal((const uint8_t *)"21S3F3", 6), "no refusal");
+}
+
+// Which letters take the pose along: by the manual's page 71.
+static void test_fastrak_letters_that_concern_the_pose(void) {
+  uint8_t bytes[32];
+  for (int c = 'A'; c <= 'z'; c++) {
+    if (c > 'Z' && c < 'a') continue;
+    memcpy(bytes, golden, 32);
+    bytes[2] = (uint8_t)c;
+    reset();
+    CHECK(push(binary, bytes, 32) == 1, "error %c", c);
+    CHECK(last.usable == (strchr("mtvw", c) != NULL), "error %c", c);
+  }
+  memset(bytes + 3, 0xff, 28);
+  bytes[2] = 'm';
+  reset();
+  CHECK(push(binary, bytes, 32) == 1 && !last.usable, "numbers that are none");
 }
 
 // ---- CyberGlove -----------------------------------------------------------------------------------
@@ -309,10 +356,10 @@ static int wide_golden(uint8_t out[GV_CYBERGLOVE_MAX_BYTES], const char *time) {
 
 static void test_glove_wide(void) {
   uint8_t bytes[GV_CYBERGLOVE_MAX_BYTES];
-  static const char *const times[] = {"12:59:03:30:2S", "2S12:59:03:30:2S"};
-  for (int k = 0; k < 2; k++) {
+  static const char *const times[] = {"12:59:03:30:2S", "2S12:59:03:30:2S", "e112:59:03:30:2S"};
+  for (int k = 0; k < 3; k++) {
     int n = wide_golden(bytes, times[k]);
-    CHECK(n == GV_CYBERGLOVE_WIDE_BYTES + 2 * k, "%d bytes", n);
+    CHECK(n == GV_CYBERGLOVE_WIDE_BYTES + 2 * (k > 0), "%d bytes", n);
     reset();
     CHECK(push_glove(wide22, bytes, n) == 1 && f.bad_bytes == 0, "no frame");
     CHECK(raw[0] == 0x0010 && raw[3] == 0x0d0a && raw[4] == 0x02ff && raw[21] == 0x0a25, "%x %x %x %x", raw[0], raw[3], raw[4], raw[21]);
@@ -323,6 +370,10 @@ static void test_glove_wide(void) {
       CHECK(frames == 1 && (int)f.bad_bytes == cut, "cut at %d: %d frames, %d bad", cut, frames, (int)f.bad_bytes);
       CHECK(raw[0] == 0x0010 && raw[21] == 0x0a25, "cut at %d: %x %x", cut, raw[0], raw[21]);
     }
+    bytes[n - 8] = 0x0f;  // one sensor at the end of its range
+    bytes[n - 7] = 0xff;
+    reset();
+    CHECK(push_glove(wide22, bytes, n) == 1 && raw[18] == 4095, "%d: a sensor at 4095 drops the frame", raw[18]);
     // A last value that looks like the mark: its frame comes out with the first byte of the next.
     bytes[n - 2] = 0x0d;
     bytes[n - 1] = 0x0a;
@@ -434,6 +485,8 @@ int main(void) {
   RUN(test_fastrak_unsound_numbers);
   RUN(test_fastrak_round_trip);
   RUN(test_fastrak_commands);
+  RUN(test_fastrak_status);
+  RUN(test_fastrak_letters_that_concern_the_pose);
   RUN(test_glove_golden);
   RUN(test_glove_errors_at_the_end);
   RUN(test_glove_sensors_that_read_s_or_g_never_shift);
