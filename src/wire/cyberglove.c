@@ -63,12 +63,12 @@ static bool stray_may_be(const uint8_t *byte, int count) {
   return count <= MARK + 1 || byte[MARK] != 'e' || byte[MARK + 1] == '1';
 }
 
-// Whether the last bytes could be the next frame's mark and the first digit of its time: so they are where one
+// Whether the last bytes could be the next frame's mark and the first digit of its time (or the e of "e1"): so they are where one
 // to four bytes of this frame are missing. (With five, the digits would be no value of a sensor.)
 static bool ends_like_mark(const uint8_t *byte, int length) {
   for (int n = 1; n <= MARK + 1; n++) {
     const uint8_t *tail = byte + length - n;
-    if (memcmp(tail, mark, (size_t)(n < MARK ? n : MARK)) == 0 && (n <= MARK || is_digit(tail[MARK]))) return true;
+    if (memcmp(tail, mark, (size_t)(n < MARK ? n : MARK)) == 0 && (n <= MARK || is_digit(tail[MARK]) || tail[MARK] == 'e')) return true;
   }
   return false;
 }
