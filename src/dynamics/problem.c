@@ -5,12 +5,17 @@
 
 #include <assert.h>
 
-static const double most_correcting_m_s = 0.25;  // a limb that finds itself deep inside an object is let out gently, not shot
+// A limb that finds itself deep inside an object is let out gently, not shot.
+static const double most_correcting_m_s = 0.25;
 
-// A gap may close within this step, not more; a penetration leaves by the share ERP of itself.
-static double target_velocity(const gv_config *cfg, double depth) {
-  if (depth < 0.0) return depth / cfg->step_s;
-  return fmin(cfg->contact_erp * depth / cfg->step_s, most_correcting_m_s);
+// Normal velocity that an implicit spring of k = erp / (h cfm) asks for, and its compliance. A gap may close within this
+// step, not more. A penetration leaves by the share ERP of itself, f = (erp depth / h - u) / cfm; where that is faster than a
+// deep limb may come out, the damping grows with the depth and the spring stays: f = (most - u) erp depth / (h most cfm).
+static void set_spring(gv_problem_contact *out, const gv_config *cfg, double depth) {
+  const double h = cfg->step_s, wanted = depth < 0.0 ? depth / h : cfg->contact_erp * depth / h;
+  out->target_velocity = fmin(wanted, most_correcting_m_s);
+  out->normal_compliance = cfg->contact_cfm / h;
+  if (wanted > most_correcting_m_s) out->normal_compliance *= most_correcting_m_s / wanted;
 }
 
 static bool is_sound(const gv_dynamics_contact *c) {
@@ -27,8 +32,7 @@ static void set_contact(gv_problem_contact *out, const gv_config *cfg, const gv_
   out->frame[0] = c->normal;
   out->frame[1] = c->friction_dir;
   out->frame[2] = gv_cross(c->normal, c->friction_dir);
-  out->target_velocity = target_velocity(cfg, c->depth);
-  out->normal_compliance = cfg->contact_cfm / cfg->step_s;
+  set_spring(out, cfg, c->depth);
   out->tangent_compliance = cfg->world_cfm / cfg->step_s;
   out->friction = c->friction;
   out->mu = coulomb ? c->mu : 0.0;

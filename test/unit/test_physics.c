@@ -51,6 +51,50 @@ static void test_weight_on_the_table(void) {
   gv_engine_close(l.engine);
 }
 
+// A contact's force at rest is its spring's, k times depth, whatever the load: a box sinks by m g / 4 k at its four corners
+// and stays there. A contact that could push with 250 N at most let 110 kg through the table.
+static void test_any_load_sinks_by_its_springs(void) {
+  static const double mass_kg[] = {1, 100, 110, 1000, 5000};
+  for (int i = 0; i < (int)(sizeof mass_kg / sizeof *mass_kg); i++) {
+    lab l;
+    lab_start(&l);
+    l.cfg.rest_s = 0;
+    lab_box(&l, gv_v3(2, 2, 0.4), gv_v3(0, 0, -0.2), 0, 0.8);
+    const double k = l.cfg.contact_erp / (l.cfg.contact_cfm * l.cfg.step_s), sinks = mass_kg[i] * G / (4 * k);
+    const int box = lab_box(&l, gv_v3(0.5, 0.4, 0.6), gv_v3(0, 0, 0.3 - 0.5 * sinks), mass_kg[i], 0.8);
+    lab_run(&l);
+    lab_steps(&l, 3000, NULL);
+    const gv_pose T = gv_engine_object_pose(l.engine, box);
+    gv_vec3 v, w;
+    gv_engine_object_velocity(l.engine, box, &v, &w);
+    CHECK(fabs(0.3 - T.p.z - sinks) < 1e-3 * sinks + 1e-7, "%g kg: sunk %g m, its springs %g", mass_kg[i], 0.3 - T.p.z, sinks);
+    CHECK_NEAR(force_on_object(&l, box).z, mass_kg[i] * G, 1e-3 * mass_kg[i] * G);
+    CHECK(gv_norm(v) + gv_norm(w) < 1e-5 && fabs(T.p.x) + fabs(T.p.y) < 1e-5, "%g kg: does not stay", mass_kg[i]);
+    gv_engine_close(l.engine);
+  }
+}
+
+// However deep it starts, a body comes out at 0.25 m/s and no faster.
+static void test_deep_body_is_let_out_gently(void) {
+  lab l;
+  lab_start(&l);
+  l.cfg.rest_s = 0;
+  l.scene.gravity_m_s2 = gv_v3(0, 0, -1e-3);
+  lab_box(&l, gv_v3(2, 2, 0.4), gv_v3(0, 0, -0.2), 0, 0.8);
+  const int box = lab_box(&l, gv_v3(0.1, 0.1, 0.2), gv_v3(0, 0, 0.1 - 0.03), 0.2, 0.8);
+  lab_run(&l);
+  double fastest = 0;
+  for (int i = 0; i < 1000; i++) {
+    gv_vec3 v, w;
+    lab_steps(&l, 1, NULL);
+    gv_engine_object_velocity(l.engine, box, &v, &w);
+    fastest = fmax(fastest, gv_norm(v));
+  }
+  CHECK(fastest > 0.2 && fastest < 0.2501, "came out at %g m/s", fastest);
+  CHECK(gv_engine_object_pose(l.engine, box).p.z > 0.0999, "at %g m", gv_engine_object_pose(l.engine, box).p.z);
+  gv_engine_close(l.engine);
+}
+
 // Gravity is tilted instead of the table. Returns the speed along the slope after one second.
 static double slope_speed(double mu, double tangent, double direction_rad) {
   lab l;
@@ -428,6 +472,8 @@ static void test_reset_is_a_fresh_start(void) {
 int main(void) {
   RUN(test_free_fall);
   RUN(test_weight_on_the_table);
+  RUN(test_any_load_sinks_by_its_springs);
+  RUN(test_deep_body_is_let_out_gently);
   RUN(test_coulomb_limit_from_both_sides);
   RUN(test_coupling_at_rest_is_k_times_deviation);
   RUN(test_the_force_felt_is_what_moved_the_limb);
