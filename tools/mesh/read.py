@@ -10,6 +10,9 @@ from dataclasses import dataclass
 import numpy as np
 
 
+FARTHEST = 1e12   # units of the file: the squares and cubes of all that is nearer are numbers
+
+
 class Fault(Exception):
     """What is wrong with the input, where, and what to do: one line."""
 
@@ -46,7 +49,7 @@ class Builder:
     def add_vertex(self, words, line=0):
         try:
             self.vertex.append((float(words[0]), float(words[1]), float(words[2])))
-        except (ValueError, IndexError):
+        except (ValueError, IndexError, TypeError):
             raise Fault(f"{self.at(line)} vertex {len(self.vertex) + 1} is not three numbers ({' '.join(map(str, words))[:40]}); "
                         "write x y z, or export the mesh again") from None
         self.vertex_line.append(line)
@@ -54,7 +57,8 @@ class Builder:
     def add_face(self, corners, line=0):
         if len(corners) < 3:
             raise Fault(f"{self.at(line)} face {len(self.polygon) + 1} has {len(corners)} corners; give it at least 3")
-        self.polygon.append(corners)
+        # A number beyond every file becomes -1, which check_indices refuses.
+        self.polygon.append([c if 0 <= c < 2**31 else -1 for c in corners])
         self.line.append(line)
 
     def fan(self):
@@ -87,7 +91,7 @@ def check_indices(mesh):
 
 
 def check_finite(mesh):
-    bad = ~np.isfinite(mesh.vertex).all(axis=1)
+    bad = ~(np.abs(mesh.vertex) < FARTHEST).all(axis=1)
     if not bad.any():
         return
     users = bad[mesh.triangle].any(axis=1)
@@ -98,7 +102,7 @@ def check_finite(mesh):
         t, v = -1, int(bad.argmax())
     line = f" (line {mesh.vertex_line[v]})" if mesh.vertex_line[v] else ""
     start = f"{mesh.where(t)}: its" if t >= 0 else f"{mesh.path}:"
-    raise Fault(f"{start} vertex {v + 1}{line} is not a finite number: {' '.join(map(str, mesh.vertex[v]))}; correct it")
+    raise Fault(f"{start} vertex {v + 1}{line} is not a finite number below {FARTHEST:g}: {' '.join(map(str, mesh.vertex[v]))}; correct it")
 
 
 def check_fans(mesh):
@@ -167,7 +171,8 @@ def read_stl(path, data):
 def read_stl_binary(path, data, count):
     record = np.dtype([("normal", "<f4", 3), ("corner", "<f4", (3, 3)), ("attribute", "<u2")])
     b = Builder(path)
-    b.vertex = np.frombuffer(data, record, count, 84)["corner"].reshape(-1, 3).astype(float)
+    with np.errstate(invalid="ignore"):  # what is no number is refused by its face, below
+        b.vertex = np.frombuffer(data, record, count, 84)["corner"].reshape(-1, 3).astype(float)
     b.vertex_line = [0] * (3 * count)
     b.polygon = [(3 * i, 3 * i + 1, 3 * i + 2) for i in range(count)]
     b.line = [0] * count
@@ -198,6 +203,17 @@ PLY_TYPE = {"char": "i1", "int8": "i1", "uchar": "u1", "uint8": "u1", "short": "
             "double": "f8", "float64": "f8"}
 
 
+PLY_COUNT_TYPE = {name: kind for name, kind in PLY_TYPE.items() if kind[0] != "f"}
+
+
+def ply_count(word, file_bytes):
+    """Rows of an element: none of them is shorter than a byte, so more than the file has bytes is no count."""
+    count = int(word)
+    if not 0 <= count <= file_bytes:
+        raise ValueError
+    return count
+
+
 def read_ply_header(path, data):
     """(format, [(element, count, [(property, type, count type of a list or None)])], bytes, lines)."""
     end = data.find(b"end_header")
@@ -212,13 +228,14 @@ def read_ply_header(path, data):
             if words[:1] == ["format"]:
                 layout = words[1]
             elif words[:1] == ["element"]:
-                elements.append((words[1], int(words[2]), []))
+                elements.append((words[1], ply_count(words[2], len(data)), []))
             elif words[:2] == ["property", "list"]:
-                elements[-1][2].append((words[4], PLY_TYPE[words[3]], PLY_TYPE[words[2]]))
+                elements[-1][2].append((words[4], PLY_TYPE[words[3]], PLY_COUNT_TYPE[words[2]]))
             elif words[:1] == ["property"]:
                 elements[-1][2].append((words[2], PLY_TYPE[words[1]], None))
         except (IndexError, KeyError, ValueError):
-            raise Fault(f"{path}:{number}: not understood in a PLY header: {text.strip()[:40]}; export the mesh again") from None
+            raise Fault(f"{path}:{number}: not understood in a PLY header of a file of {len(data)} bytes: {text.strip()[:40]!r}; "
+                        "export the mesh again") from None
     if layout not in ("ascii", "binary_little_endian", "binary_big_endian"):
         raise Fault(f"{path}:2: PLY format {layout} is not known; export it as ascii or binary_little_endian")
     return layout, elements, newline + 1, len(lines)
@@ -240,7 +257,7 @@ class PlyText:
             for name, _, counted in properties:
                 length = int(words[k]) if counted else 1
                 k += 1 if counted else 0
-                if len(words) < k + length:
+                if not 0 <= length <= len(words) - k:
                     raise IndexError
                 out[name] = words[k:k + length] if counted else words[k]
                 k += length
@@ -257,7 +274,7 @@ class PlyBinary:
 
     def take(self, kind, count):
         dtype = np.dtype(self.order + kind)
-        if self.at + count * dtype.itemsize > len(self.data):
+        if not 0 <= count * dtype.itemsize <= len(self.data) - self.at:
             raise Fault(f"{self.path}: the PLY ends early; the file is cut short: copy it again")
         out = np.frombuffer(self.data, dtype, count, self.at)
         self.at += count * dtype.itemsize
@@ -266,6 +283,14 @@ class PlyBinary:
     def row(self, properties):
         return {name: self.take(kind, self.take(counted, 1)[0]) if counted else self.take(kind, 1)[0]
                 for name, kind, counted in properties}
+
+
+def ply_index(value):
+    """The number of a vertex; -1, which check_indices refuses, for what is none."""
+    try:
+        return int(value)
+    except (ValueError, OverflowError):
+        return -1
 
 
 def read_ply(path, data):
@@ -280,9 +305,9 @@ def read_ply(path, data):
                 b.add_vertex([row.get("x", "?"), row.get("y", "?"), row.get("z", "?")], rows.line)
             elif element == "face":
                 corners = row.get("vertex_indices", row.get("vertex_index"))
-                if corners is None:
-                    raise Fault(f"{path}: its faces have no vertex_indices; export the mesh again")
-                b.add_face([int(c) for c in corners], rows.line)
+                if not isinstance(corners, list):
+                    raise Fault(f"{path}: its faces have no list vertex_indices; export the mesh again")
+                b.add_face([ply_index(c) for c in corners], rows.line)
     return b.build()
 
 
