@@ -210,14 +210,23 @@ build/venv-bench/.done: build/.test-packages
 layers:
 	$(Q)sh test/system/test_layers.sh
 
-## fuzz: feed random bytes to what reads the wire and the logs, 20 s each (clang)
-fuzz: $(patsubst test/fuzz/%.c,build/fuzz/%,$(wildcard test/fuzz/fuzz_*.c))
-	$(Q)for f in $^; do mkdir -p $$f.corpus; \
-	  $$f -max_total_time=20 -max_len=1600 -print_final_stats=1 -artifact_prefix=$$f. $$f.corpus >$$f.log 2>&1 || { tail -n 40 $$f.log; exit 1; }; \
-	  echo "$$f: $$(sed -n 's/.*executed_units: *//p' $$f.log) inputs, no fault"; done
-build/fuzz/%: test/fuzz/%.c $(addprefix src/wire/,fcu.c classic.c frame.c cannelloni.c candump.c framer.c fastrak.c cyberglove.c lucidglove.c) src/hand/hand.c src/base/math.c | build/.fuzz-packages
+# Everything with Clang's fuzzer and sanitizers in it, in a build directory of its own.
+FUZZ     := $(basename $(notdir $(wildcard test/fuzz/fuzz_*.c)))
+FUZZ_S   ?= 600
+FUZZ_OPT := -O1 -fsanitize=fuzzer-no-link,address,undefined -fno-sanitize-recover=all
+## fuzz: random bytes for all that reads what others wrote, ten minutes in all (FUZZ_S=60: one; clang)
+fuzz: build/.fuzz-packages
+	$(Q)$(MAKE) --no-print-directory -j$$(nproc) CC=clang OPT='$(FUZZ_OPT)' B=build/fuzz $(FUZZ:%=build/fuzz/test/%)
+	$(Q)test/fuzz/run $(FUZZ_S) $(FUZZ:%=build/fuzz/test/%)
+## fuzz-corpus: keep in test/fuzz/corpus what `make fuzz` found and what it began with, the least that reaches as far
+fuzz-corpus: build/venv/.ready
+	$(Q)build/venv/bin/python test/fuzz/seeds.py build/fuzz/seeds
+	$(Q)test/fuzz/keep $(FUZZ:%=build/fuzz/test/%)
+$(FUZZ:%=$(B)/test/%): $(B)/test/%: $(B)/test/fuzz/%.o $(LIB)
 	@mkdir -p $(@D)
-	$(Q)clang $(WARN) -O1 -g -fsanitize=fuzzer,address,undefined -fno-sanitize-recover=all -D_GNU_SOURCE -Iinclude -Isrc $^ -lm -o $@
+	@echo "  LD   $@"
+	$(Q)$(CC) -fsanitize=fuzzer $(filter-out -fsanitize=fuzzer%,$(OPT)) -fsanitize=address,undefined $(LDFLAGS) $^ $(LDLIBS) -o $@
+$(B)/test/fuzz_command: LDFLAGS += -Wl,--wrap=lcm_create,--wrap=lcm_subscribe,--wrap=lcm_publish,--wrap=lcm_handle_timeout,--wrap=lcm_eventlog_create
 
 # What the build and the tests need, from Debian by name.
 build/.run-packages:
@@ -306,5 +315,5 @@ clean:
 help:
 	@sed -n 's/^## //p' $(MAKEFILE_LIST)
 
-.PHONY: run test test-can test-rt all bench latency bench-peers instructions bench-accuracy golden traces layers fuzz clean help
+.PHONY: run test test-can test-rt all bench latency bench-peers instructions bench-accuracy golden traces layers fuzz fuzz-corpus clean help
 -include $(shell find $(B) -name '*.d' 2>/dev/null)

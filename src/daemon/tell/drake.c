@@ -152,6 +152,7 @@ static void add_contact(gv_drake *drake, int number) {
 
 static gv_mesh mesh_of(const gv_scene *scene, int object) {
   const gv_object *o = &scene->object[object];
+  if (o->triangle_count == 0) return (gv_mesh){0};
   return (gv_mesh){&scene->mesh_vertex[o->vertex_first], &scene->mesh_triangle[o->triangle_first], o->vertex_count, o->triangle_count};
 }
 
