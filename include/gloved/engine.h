@@ -131,6 +131,13 @@ typedef struct gv_step_result {
   int contact_count;
 } gv_step_result;
 
+// How much of what a step may cost it is to use. Less costs time no hand feels at once: friction gets less exact, shallow
+// contacts are left out.
+typedef struct gv_effort {
+  double share;                // of the budgets of solvers and of collision detection: above 0, at most 1
+  int contacts_max;            // the deepest; at most GV_MAX_CONTACTS
+} gv_effort;
+
 typedef struct gv_engine gv_engine;
 
 // Bytes of memory gv_engine_init needs for this config and scene.
@@ -142,6 +149,8 @@ gv_engine *gv_engine_init(void *mem, size_t size, const gv_config *cfg, const gv
 void gv_engine_close(gv_engine *engine);
 // One step of step_s: the paper's Figure 3. Never fails, never allocates. Cost: see `make bench`.
 void gv_engine_step(gv_engine *engine, const gv_sample *sample, gv_step_result *out);
+// From the next step on; all of it after gv_engine_init. What it does depends on the numbers alone, not on a clock.
+void gv_engine_set_effort(gv_engine *engine, gv_effort effort);
 // Objects back to their start poses, hand placed anew by the next sample.
 void gv_engine_reset(gv_engine *engine);
 // Other couplings and another friction of the skin from the next step on. Returns 0, or negative where one is out

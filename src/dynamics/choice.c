@@ -29,7 +29,8 @@ static const gv_contact_solver *const solvers[GV_SOLVERS] = {
 const char *gv_solver_name(gv_solver solver) { return solver == GV_SOLVER_AUTO ? "auto" : solvers[solver]->name; }
 
 bool gv_choice_open(gv_choice *choice, gv_arena *arena, const gv_config *cfg) {
-  *choice = (gv_choice){.solver = cfg->solver, .period_s = cfg->period_s > 0.0 ? cfg->period_s : cfg->step_s};
+  *choice = (gv_choice){.solver = cfg->solver, .period_s = cfg->period_s > 0.0 ? cfg->period_s : cfg->step_s,
+                         .effort = 1.0};
   choice->newton = gv_arena_alloc(arena, "newton", gv_solver_newton.memory_size);
   choice->ode = gv_ode_open(arena);
   return choice->newton && choice->ode;
@@ -50,7 +51,7 @@ gv_solver_report gv_choice_solve(gv_choice *choice, gv_problem *problem, gv_velo
   for (int i = 0; i < TURNS && problem->contact_count > 0; i++) {
     const turn *t = &order[choice->solver][i];
     if (t->solver == GV_SOLVER_AUTO) break;
-    problem->budget_s = t->share * choice->period_s;
+    problem->budget_s = t->share * choice->effort * choice->period_s;
     void *memory = memory_of(choice, t->solver);
     const gv_outcome outcome = solvers[t->solver]->solve(memory, problem, out_velocity, out_impulse);
     if (outcome != GV_OUTCOME_NONE) return (gv_solver_report){t->solver, outcome};

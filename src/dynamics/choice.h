@@ -9,6 +9,7 @@
 typedef struct gv_choice {
   gv_solver solver;          // as configured
   double period_s;           // of the loop
+  double effort;             // share of the budgets that is to be used: 1 all
   gv_ode *ode;
   void *newton;
 } gv_choice;

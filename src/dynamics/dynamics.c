@@ -78,6 +78,8 @@ void gv_dynamics_predict(const gv_dynamics *dyn, int body, gv_body_state *out) {
 
 void gv_dynamics_add_force(gv_dynamics *dyn, int body, gv_vec3 f, gv_vec3 t) { gv_bodies_add_force(&dyn->bodies, body, f, t); }
 
+void gv_dynamics_set_share(gv_dynamics *dyn, double share) { dyn->choice.effort = share; }
+
 void gv_dynamics_forget(gv_dynamics *dyn) { gv_choice_forget(&dyn->choice); }
 
 unsigned gv_dynamics_solver_errors(const gv_dynamics *dyn) {

@@ -30,6 +30,8 @@ void gv_dynamics_park_limbs(gv_dynamics *dyn, bool parked);
 void gv_dynamics_set_rest(gv_dynamics *dyn, int body, bool rest);
 // Was a force added for the coming step?
 bool gv_dynamics_pushed(const gv_dynamics *dyn, int body);
+// The solvers' share of their budgets from the next step on: above 0, at most 1.
+void gv_dynamics_set_share(gv_dynamics *dyn, double share);
 // Drop what was kept from the last step.
 void gv_dynamics_forget(gv_dynamics *dyn);
 gv_vec3 gv_dynamics_gravity(const gv_dynamics *dyn);

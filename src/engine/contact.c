@@ -14,7 +14,7 @@ static gv_vec3 point_velocity(const gv_body_state *s, gv_vec3 p) { return gv_add
 
 static int find_shallowest(const gv_engine *e) {
   int shallow = 0;
-  for (int i = 1; i < GV_MAX_CONTACTS; i++)
+  for (int i = 1; i < e->effort.contacts_max; i++)
     if (e->contact[i].depth_m < e->contact[shallow].depth_m) shallow = i;
   return shallow;
 }
@@ -22,7 +22,7 @@ static int find_shallowest(const gv_engine *e) {
 // The place for one more contact, or -1 where the list is full of deeper ones. The shallowest is looked for only once
 // between two that take its place: most of a crowd's contacts are shallower still.
 static int contact_slot(gv_engine *e, double depth) {
-  if (e->contact_count < GV_MAX_CONTACTS) return e->contact_count++;
+  if (e->contact_count < e->effort.contacts_max) return e->contact_count++;
   e->events |= GV_EVENT_CONTACTS_DROPPED;
   e->counters.contacts_dropped++;
   if (e->shallowest < 0) e->shallowest = find_shallowest(e);

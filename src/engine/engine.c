@@ -3,6 +3,7 @@
 // thread; set-up and views apart. Pure: no clock, no descriptor, no heap.
 #include "gloved/engine.h"
 
+#include <assert.h>
 #include <string.h>
 
 #include "engine/engine_state.h"
@@ -70,6 +71,7 @@ gv_engine *gv_engine_init(void *mem, size_t size, const gv_config *cfg, const gv
   make_limbs(e);
   gv_broad_init(&e->broad, cfg->step_s, cfg->contact_margin_m);
   e->collision_budget = budget_of(cfg);
+  e->effort = (gv_effort){1.0, GV_MAX_CONTACTS};
   e->dyn = gv_dynamics_create(&arena, &e->cfg, scene, e->spring, e->limb_inertia);
   if (!e->dyn) return NULL;
   e->arena = arena;
@@ -77,6 +79,13 @@ gv_engine *gv_engine_init(void *mem, size_t size, const gv_config *cfg, const gv
   gv_engine_reset(e);
   memset(&e->counters, 0, sizeof e->counters);
   return e;
+}
+
+void gv_engine_set_effort(gv_engine *e, gv_effort effort) {
+  assert(effort.share > 0.0 && effort.share <= 1.0 && effort.contacts_max > 0 && effort.contacts_max <= GV_MAX_CONTACTS);
+  e->effort = effort;
+  e->collision_budget = (int)fmax(LEAST_OPERATIONS, effort.share * budget_of(&e->cfg));
+  gv_dynamics_set_share(e->dyn, effort.share);
 }
 
 void gv_engine_close(gv_engine *engine) {

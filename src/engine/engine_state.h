@@ -31,6 +31,7 @@ struct gv_engine {
   gv_rest rest;                        // which objects are simulated
   gv_queue queue;                      // pairs of this step in the order in which they are asked
   int collision_budget;                // operations that the pairs of a step may take
+  gv_effort effort;
   int contact_count;
   int shallowest;                      // of a full list of contacts; -1: not known
   gv_contact contact[GV_MAX_CONTACTS];

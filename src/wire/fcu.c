@@ -5,7 +5,7 @@
 
 #include <string.h>
 
-enum { GLOVE_BYTES = 48, POSE_BYTES = 48, STATUS_BYTES = 20, COMMAND_BYTES = 20 };
+enum { GLOVE_BYTES = 48, POSE_BYTES = 48, STATUS_BYTES = 20, COMMAND_BYTES = 20, EFFORT_BYTES = 8 };
 enum { GLOVE_BIT = 80, STATUS_BIT = 80, COMMAND_BIT = 64, FIELD_BITS = 12, FIELD_MAX = 4095 };
 static const double quat_one = 1073741824.0;  // 2^30 counts
 static const double counts_per_m = 1e7;
@@ -175,6 +175,20 @@ gv_fcu_error gv_fcu_unpack_command(const gv_frame *frame, gv_command_msg *out) {
   *out = (gv_command_msg){.counter = d[0], .flags = d[1], .sample_stamp_us = get_u32(d + 4),
                           .age_us = 10u * get_u16(d + 16), .frames_taken = get_u16(d + 18)};
   for (int i = 0; i < GV_FINGERS; i++) out->tension_n[i] = get_12(d, COMMAND_BIT + FIELD_BITS * i) * GV_TENSION_LSB_N;
+  return GV_FCU_OK;
+}
+
+void gv_fcu_pack_effort(const gv_effort_msg *msg, gv_frame *out) {
+  start_frame(out, GV_ID_EFFORT, EFFORT_BYTES, msg->counter, msg->rung & 3);
+  finish_frame(out);
+}
+
+gv_fcu_error gv_fcu_unpack_effort(const gv_frame *frame, gv_effort_msg *out) {
+  gv_fcu_error error = check_frame(frame, GV_ID_EFFORT, EFFORT_BYTES);
+  if (error) return error;
+  const uint8_t *d = frame->data;
+  if (d[1] > 2 || !all_zero(d + 4, 4)) return GV_FCU_WRONG_VALUE;
+  *out = (gv_effort_msg){.counter = d[0], .rung = d[1]};
   return GV_FCU_OK;
 }
 

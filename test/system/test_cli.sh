@@ -141,6 +141,7 @@ for key in ("step_us", "wake_us"):
 assert 0 < s["step_us"]["p50"] and 0 <= s["depth_max_m"] < 0.1
 assert len(s["force_max_n"]) == 5 and s["force_max_n"][1] > 0.1, s["force_max_n"]
 assert {"rx", "tx", "lost", "bad", "late"} <= set(s["frames"]) and s["frames"]["rx"] > 500
+assert s["ladder"] == dict(full=0, solver=0, contacts=0, hold=0, ramp=0), "the deadline ladder acts in a replay"
 assert s["state"] == "active" and s["exit_reason"] == "duration", (s["state"], s["exit_reason"])
 box = {o["name"]: o for o in s["objects"]}["box"]
 assert max(abs(a - b) for a, b in zip(box["position"], [0, 0, 0.04])) < 1e-3, box

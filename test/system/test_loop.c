@@ -11,6 +11,7 @@
 #include "daemon/loop/heap.h"
 #include "daemon/loop/loop.h"
 #include "support/check.h"
+#include "support/lab.h"
 
 // ---- heap ---------------------------------------------------------------------------------------------
 
@@ -286,6 +287,49 @@ static void test_loop_skips_whole_periods(void) {
         (int)loop.overruns);
 }
 
+// A heap of boxes whose step takes longer than its period, by the machine's own clock: the ladder takes of the step what
+// fits, and counts it. As fast as possible it never acts.
+static uint64_t run_heap(gv_pace pace, int64_t period_ns, int64_t periods) {
+  static lab heap;
+  fake device = {.polls = 1000000};
+  gv_driver driver = {&device, poll_fake, send_fake, fake_ended, fake_stats, close_fake, NULL, 0};
+  const gv_session_config session_config = {.limiter = gv_limiter_config_default(), .safety = gv_safety_config_default(),
+                                            .side = GV_RIGHT, .period_s = (double)period_ns * 1e-9};
+  const gv_loop_config loop_config = {.period_ns = period_ns, .periods_max = periods, .pace = pace, .realtime = {.cpu = GV_CPU_ANY}};
+  atomic_bool stop;
+  atomic_init(&stop, false);
+  lab_start(&heap);
+  lab_box(&heap, gv_v3(4, 4, 0.1), gv_v3(0, 0, -0.05), 0, 0.8);
+  for (int i = 0; i < 48; i++) lab_box(&heap, gv_v3(0.1, 0.1, 0.1), gv_v3(0.09 * (i % 4), 0.09 * (i / 4 % 4), 0.05 + 0.09 * (i / 16)), 0.5, 0.8);
+  heap.cfg.rest_s = 0.0;
+  lab_run(&heap);
+  memset(&loop, 0, sizeof loop);
+  gv_session_init(&session, &session_config, heap.engine);
+  gv_loop_init(&loop, &loop_config, &session, &driver, 0, &stop);
+  CHECK(gv_loop_start(&loop) == 0, "no thread");
+  while (gv_loop_running(&loop)) {
+    while (gv_ring_peek(&loop.snapshots)) gv_ring_release(&loop.snapshots);
+    while (gv_ring_peek(&loop.records)) gv_ring_release(&loop.records);
+  }
+  gv_loop_join(&loop);
+  const uint64_t steps = gv_engine_counters(heap.engine)->steps;
+  gv_engine_close(heap.engine);
+  return steps;
+}
+
+static void test_the_ladder_acts_under_load_and_in_live_pace_alone(void) {
+  const uint64_t free_steps = run_heap(GV_PACE_FREE, 1000000, 300);
+  const int64_t step_ns = gv_histogram_quantile_ns(&loop.step, 0.5);
+  CHECK(free_steps == 300, "%d steps", (int)free_steps);
+  for (int i = 0; i < GV_RUNGS; i++) CHECK(loop.on_rung[i] == 0, "as fast as possible: %d on %s", (int)loop.on_rung[i], gv_rung_name((gv_rung)i));
+  const uint64_t live_steps = run_heap(GV_PACE_LIVE, step_ns, 1500);
+  const uint64_t *rung = (const uint64_t *)(const void *)loop.on_rung;
+  printf("figure a step of %.0f us in a period as long: %d full, %d with less solving, %d with fewer contacts, %d held, %d ramped\n",
+         (double)step_ns * 1e-3, (int)rung[0], (int)rung[1], (int)rung[2], (int)rung[3], (int)rung[4]);
+  CHECK(rung[GV_RUNG_SOLVER] + rung[GV_RUNG_CONTACTS] + rung[GV_RUNG_HOLD] + rung[GV_RUNG_RAMP] > 100, "the ladder does not act");
+  CHECK(rung[GV_RUNG_FULL] + rung[GV_RUNG_SOLVER] + rung[GV_RUNG_CONTACTS] + rung[GV_RUNG_RAMP] == live_steps, "%d steps", (int)live_steps);
+}
+
 static void test_live_duration_is_time(void) {
   fake device = {.polls = 1000, .mischief_at = 10, .mischief = sleep_in_the_loop};
   int64_t steps = (int64_t)run_loop(&device, GV_PACE_LIVE, 30, false);
@@ -318,6 +362,7 @@ int main(void) {
   RUN(test_loop_counts_a_heap_call);
   RUN(test_loop_counts_a_page_fault);
   RUN(test_loop_skips_whole_periods);
+  RUN(test_the_ladder_acts_under_load_and_in_live_pace_alone);
   RUN(test_live_duration_is_time);
   RUN(test_a_descriptor_that_stays_readable_does_not_spin_the_loop);
   return check_done();

@@ -20,7 +20,9 @@ enum {
   FINAL_ZERO_COMMANDS = 3,
   RECORDS_A_STEP = 32,  // 7 engine events, overrun, other hand, state, 16 requests, and room
   STEP_RECORDS_A_STEP = GV_LOOP_FRAMES / GV_STEP_FRAMES,
+  OVERRUNS_TO_END = 1000000, // periods: a fault, whatever the limits are
   LOOKS_A_PERIOD = 32,  // at a descriptor that is readable and has no frame of the glove: bounds a flood
+  REPORT_LADDER = 29,
   REPORT_SYNC = 30,
   REPORT_OVERRUN = 31
 };
@@ -103,6 +105,10 @@ static void report_events(gv_loop *loop) {
   if (loop->sync.following != loop->following_reported && may_report(loop, REPORT_SYNC)) {
     push_record(loop, GV_RECORD_SYNC, loop->sync.following);
     loop->following_reported = loop->sync.following;
+  }
+  if (loop->ladder.rung != loop->rung_reported && may_report(loop, REPORT_LADDER)) {
+    push_record(loop, GV_RECORD_LADDER, loop->ladder.rung);
+    loop->rung_reported = loop->ladder.rung;
   }
   if (session->safety.state == loop->state_reported) return;
   push_record(loop, GV_RECORD_STATE, session->safety.faults);
@@ -312,42 +318,97 @@ static void add_times(gv_loop *loop, const int64_t t[GV_STAGES + 1]) {
   gv_histogram_add(&loop->step, t[GV_STAGES] - t[0]);
 }
 
+// ---- the deadline ladder ---------------------------------------------------------------------------------
+
+// How much of a step fits into what is left of its period; in virtual time always all of it. What a stall took before
+// is no reason to do less now.
+static gv_rung choose_rung(gv_loop *loop, int64_t due_ns, int64_t now_ns) {
+  if (loop->cfg.pace != GV_PACE_LIVE) return GV_RUNG_FULL;
+  const int64_t late_ns = now_ns > due_ns ? (now_ns - due_ns) % loop->cfg.period_ns : 0;
+  const gv_rung rung = gv_ladder_choose(&loop->ladder, loop->cfg.period_ns - late_ns);
+  add_relaxed(&loop->on_rung[rung], 1);
+  return rung;
+}
+
+// No step in this period: the frames wait for the next, and the device hears the last forces.
+static void hold_period(gv_loop *loop) {
+  gv_session_hold(loop->session, loop->now_ns, loop->frame, loop->frame_count);
+  repeat_command(loop);
+  report_events(loop);
+  add_relaxed(&loop->overruns, 1);
+}
+
+// A recording says what the steps from here on leave out.
+static void record_rung(gv_loop *loop) {
+  const gv_rung rung = loop->session->rung;
+  if (rung == loop->rung_recorded) return;
+  gv_fcu_pack_effort(&(gv_effort_msg){.counter = loop->effort_counter++, .rung = (uint8_t)rung}, &loop->frame[loop->frame_count]);
+  loop->frame[loop->frame_count++].stamp_ns = loop->now_ns;
+  loop->rung_recorded = rung;
+}
+
+// ---- a period --------------------------------------------------------------------------------------------
+
+// One step. due_ns: when it should have begun.
+static void step_once(gv_loop *loop, gv_rung rung, int64_t due_ns, int64_t start_ns, int64_t polled_ns) {
+  const gv_pace pace = loop->cfg.pace;
+  // In virtual time nothing is late, and a simulated user must not feel the host's load.
+  const unsigned late = pace == GV_PACE_LIVE ? loop->overruns_now : 0;
+  const unsigned overruns = rung == GV_RUNG_RAMP ? OVERRUNS_TO_END : late;
+  if (pace == GV_PACE_LIVE) gv_session_set_rung(loop->session, rung);
+  gv_session_compute(loop->session, loop->now_ns, loop->frame, loop->frame_count, overruns);
+  const int64_t computed_ns = clock_ns(CLOCK_MONOTONIC);
+  record_rung(loop);
+  record_frames(loop, loop->frame, loop->frame_count, loop->step_ns);
+  loop->repeats = 0;
+  send_command(loop, loop->step_ns);
+  const int64_t sent_ns = clock_ns(CLOCK_MONOTONIC);
+  tell(loop, loop->number);
+  const int64_t done_ns = clock_ns(CLOCK_MONOTONIC);
+  gv_ladder_measure(&loop->ladder, loop->session->rung, done_ns - polled_ns);
+  add_times(loop, (const int64_t[]){start_ns, polled_ns, computed_ns, sent_ns, done_ns});
+  if (pace != GV_PACE_FREE) gv_histogram_add(&loop->wake, start_ns - due_ns);
+  if (loop->cfg.black_box || atomic_load_explicit(&loop->trace, memory_order_relaxed))
+    push_steps(loop, pace == GV_PACE_FREE ? 0 : start_ns - due_ns, done_ns - start_ns);
+  loop->frame_count = 0;
+}
+
+// Sleeps until the next step is due, the device hearing of the last one meanwhile. Returns when it should have begun.
+static int64_t wait_for_period(gv_loop *loop, bool first, int64_t *io_deadline_ns) {
+  const gv_pace pace = loop->cfg.pace;
+  if (pace == GV_PACE_FREE) wait_for_space(loop);
+  if (loop->cfg.sync_device) return wait_for_device(loop, io_deadline_ns);
+  if (!first) repeat_until(loop, *io_deadline_ns);
+  if (pace != GV_PACE_FREE) sleep_until(*io_deadline_ns);
+  return *io_deadline_ns;
+}
+
 static gv_exit run(gv_loop *loop) {
   const gv_pace pace = loop->cfg.pace;
   int64_t deadline_ns = clock_ns(CLOCK_MONOTONIC) + loop->cfg.period_ns;
   gv_exit reason;
+  bool first = true;
   loop->frame_count = 0;
   loop->sent_ns = INT64_MAX / 2;  // nothing to repeat before the first step
-  for (bool first = true; (reason = why_to_end(loop)) == GV_EXIT_RUNNING; first = false, loop->number++) {
-    int64_t wake_ns = deadline_ns;
-    if (pace == GV_PACE_FREE) wait_for_space(loop);
-    if (!first && !loop->cfg.sync_device) repeat_until(loop, deadline_ns);
-    if (loop->cfg.sync_device) wake_ns = wait_for_device(loop, &deadline_ns);
-    else if (pace != GV_PACE_FREE) sleep_until(deadline_ns);
+  gv_ladder_init(&loop->ladder, loop->cfg.period_ns);
+  while ((reason = why_to_end(loop)) == GV_EXIT_RUNNING) {
+    const int64_t due_ns = wait_for_period(loop, first, &deadline_ns);
     const int64_t start_ns = clock_ns(CLOCK_MONOTONIC);
-    loop->step_ns = loop->number * loop->cfg.period_ns;
-    loop->now_ns = pace == GV_PACE_LIVE ? start_ns : loop->step_ns;
+    loop->now_ns = pace == GV_PACE_LIVE ? start_ns : loop->number * loop->cfg.period_ns;
     take_frames(loop, loop->now_ns);
     const int64_t polled_ns = clock_ns(CLOCK_MONOTONIC);
     obey_requests(loop);
-    // In virtual time nothing is late, and a simulated user must not feel the host's load.
-    const unsigned overruns = pace == GV_PACE_LIVE ? loop->overruns_now : 0;
-    gv_session_compute(loop->session, loop->now_ns, loop->frame, loop->frame_count, overruns);
-    const int64_t computed_ns = clock_ns(CLOCK_MONOTONIC);
-    record_frames(loop, loop->frame, loop->frame_count, loop->step_ns);
-    loop->repeats = 0;
-    send_command(loop, loop->step_ns);
-    const int64_t sent_ns = clock_ns(CLOCK_MONOTONIC);
-    tell(loop, loop->number);
-    if (first) watch_faults(loop);
-    const int64_t done_ns = clock_ns(CLOCK_MONOTONIC);
-    add_times(loop, (const int64_t[]){start_ns, polled_ns, computed_ns, sent_ns, done_ns});
-    if (loop->cfg.black_box || atomic_load_explicit(&loop->trace, memory_order_relaxed))
-      push_steps(loop, pace == GV_PACE_FREE ? 0 : start_ns - wake_ns, done_ns - start_ns);
-    loop->frame_count = 0;
-    if (pace == GV_PACE_FREE) continue;
-    gv_histogram_add(&loop->wake, start_ns - wake_ns);
-    deadline_ns = next_deadline(loop, deadline_ns, done_ns);
+    const gv_rung rung = choose_rung(loop, due_ns, polled_ns);
+    if (rung == GV_RUNG_HOLD) {
+      hold_period(loop);
+    } else {
+      loop->step_ns = loop->number * loop->cfg.period_ns;
+      step_once(loop, rung, due_ns, start_ns, polled_ns);
+      loop->number++;
+      if (first) watch_faults(loop);
+      first = false;
+    }
+    if (pace != GV_PACE_FREE) deadline_ns = next_deadline(loop, deadline_ns, clock_ns(CLOCK_MONOTONIC));
   }
   return reason;
 }

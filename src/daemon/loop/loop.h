@@ -64,6 +64,7 @@ typedef struct gv_loop {
   gv_histogram step, wake;   // work of a period; deadline (sync_device: the frame's stamp) to start of work (not in free pace)
   _Atomic uint64_t missed_deadlines; // steps that were not done within their period
   _Atomic uint64_t overruns;         // whole periods skipped because of them
+  _Atomic uint64_t on_rung[GV_RUNGS]; // live pace: periods by the rung of the deadline ladder (ladder.h)
   _Atomic uint64_t on_frame, on_clock; // with sync_device: steps that began with a glove's frame, and without one
   _Atomic uint64_t heap_calls;       // in this thread since the end of its first step
   gv_page_faults page_faults;        // likewise
@@ -91,9 +92,12 @@ typedef struct gv_loop {
   uint32_t events;                   // engine events since the last snapshot
   gv_safety_state state_reported;
   bool other_hand_reported, following_reported;
-  int64_t next_report[32];           // step before which an engine event bit is not reported again; 30: sync, 31: overruns
+  int64_t next_report[32];           // step before which an engine event bit is not reported again; 29: ladder, 30: sync, 31: overruns
   gv_sync sync;
-  gv_frame frame[GV_LOOP_FRAMES];    // of this step
+  gv_ladder ladder;
+  gv_rung rung_reported, rung_recorded;
+  uint8_t effort_counter;
+  gv_frame frame[GV_LOOP_FRAMES + 1]; // of this step; and the EFFORT frame of recordings
   int frame_count;
   gv_snapshot snapshot_slot[GV_LOOP_SNAPSHOTS];
   gv_record record_slot[GV_LOOP_RECORDS];

@@ -106,8 +106,28 @@ static gv_fcu_error take_status(gv_session *session, const gv_frame *frame, int6
   return GV_FCU_OK;
 }
 
+void gv_session_set_rung(gv_session *session, gv_rung rung) {
+  static const gv_effort of_rung[] = {
+    [GV_RUNG_FULL] = {1.0, GV_MAX_CONTACTS},
+    [GV_RUNG_SOLVER] = {0.25, GV_MAX_CONTACTS},
+    [GV_RUNG_CONTACTS] = {0.25, 24},
+  };
+  const gv_rung least = rung < GV_RUNG_CONTACTS ? rung : GV_RUNG_CONTACTS;
+  if (session->rung != least) gv_engine_set_effort(session->engine, of_rung[least]);
+  session->rung = least;
+}
+
+// Only the engine itself writes these; on a wire they are foreign.
+static gv_fcu_error take_effort(gv_session *session, const gv_frame *frame) {
+  gv_effort_msg msg;
+  gv_fcu_error error = gv_fcu_unpack_effort(frame, &msg);
+  if (!error) gv_session_set_rung(session, (gv_rung)msg.rung);
+  return error;
+}
+
 static void take_frame(gv_session *session, const gv_frame *frame, int64_t now_ns) {
   gv_fcu_error error = GV_FCU_OK;
+  if (frame->id == GV_ID_EFFORT && session->cfg.replay && take_effort(session, frame) == GV_FCU_OK) return;
   session->frames.rx++;
   switch (frame->id) {
     case GV_ID_GLOVE: error = take_glove(session, frame, now_ns); break;
@@ -242,6 +262,21 @@ void gv_session_compute(gv_session *session, int64_t now_ns, const gv_frame *fra
   update_ages(session, now_ns);
   gv_engine_step(session->engine, &session->sample, &session->result);
   step_safety(session, (unsigned)(session->frames.errors - errors_before), periods_skipped);
+}
+
+// A sound frame of the glove or the device that says so; it is taken later, with the step.
+static bool opens_switch(const gv_frame *frame) {
+  gv_glove_msg glove;
+  gv_status_msg status;
+  if (frame->id == GV_ID_GLOVE) return gv_fcu_unpack_glove(frame, &glove) == GV_FCU_OK && !(glove.flags & GV_GLOVE_DEAD_MAN);
+  return frame->id == GV_ID_STATUS && gv_fcu_unpack_status(frame, &status) == GV_FCU_OK && !(status.flags & GV_STATUS_DEAD_MAN);
+}
+
+void gv_session_hold(gv_session *session, int64_t now_ns, const gv_frame *frame, int count) {
+  session->switch_open = false;
+  for (int i = 0; i < count; i++) session->switch_open |= opens_switch(&frame[i]);
+  update_ages(session, now_ns);
+  step_safety(session, 0, 1);
 }
 
 void gv_session_command(gv_session *session, int64_t now_ns, gv_frame *out_command) {

@@ -11,6 +11,7 @@
 #include "gloved/fcu.h"
 #include "gloved/force.h"
 #include "gloved/safety.h"
+#include "daemon/loop/ladder.h"
 #include "daemon/loop/request.h"
 #include "safety/source.h"
 #include "wire/stream.h"
@@ -28,6 +29,7 @@ typedef struct gv_session_config {
   gv_limiter_config limiter;
   gv_safety_config safety;
   gv_side side;      // a glove for the other hand is not used
+  bool replay;       // frames of a recording: its EFFORT frames are obeyed
   double period_s;   // of one gv_session_step
   double command_s;  // between two commands, where they are sent more often than the engine steps; 0: period_s
 } gv_session_config;
@@ -73,6 +75,7 @@ typedef struct gv_session {
   unsigned limiter_flags;  // of the last step (gv_limiter_flag)
   uint32_t faults_seen;    // every gv_fault bit so far
   gv_coupling limb_configured, palm_configured;
+  gv_rung rung;            // of the deadline ladder: what the engine does of a step (full, solver, contacts)
   uint8_t command_counter;
   bool told;               // a command went out for the last step: the next one repeats it
   gv_command_msg command;  // last one sent
@@ -94,6 +97,10 @@ void gv_session_step(gv_session *session, int64_t now_ns, const gv_frame *frame,
 // One period at now_ns with the frames that came since the last one, and the number of periods that the
 // loop had to skip before it. Cost: the engine's step and below 2 us.
 void gv_session_compute(gv_session *session, int64_t now_ns, const gv_frame *frame, int count, unsigned periods_skipped);
+// From the next step on the engine does what this rung of the deadline ladder leaves of a step.
+void gv_session_set_rung(gv_session *session, gv_rung rung);
+// A period without a step: safety goes on, and an open dead-man switch in the frames that wait for the next step counts.
+void gv_session_hold(gv_session *session, int64_t now_ns, const gv_frame *frame, int count);
 // What the device is told at now_ns, when it is sent: after a step, and again between two steps where they are far
 // apart. The limiter reckons with the time since the last command. Always writes one.
 void gv_session_command(gv_session *session, int64_t now_ns, gv_frame *out_command);

@@ -110,6 +110,9 @@ void gv_record_text(const gv_record *record, char out[GV_RECORD_TEXT]) {
     case GV_RECORD_ENGINE: snprintf(out, GV_RECORD_TEXT, "engine: %s", engine_event_text(record->bits)); return;
     case GV_RECORD_OVERRUN: snprintf(out, GV_RECORD_TEXT, "loop: %u periods skipped", record->bits); return;
     case GV_RECORD_OTHER_HAND: snprintf(out, GV_RECORD_TEXT, "glove: made for the other hand; set hand.side in --config"); return;
+    case GV_RECORD_LADDER:
+      snprintf(out, GV_RECORD_TEXT, "loop: deadline ladder: %s", gv_rung_name((gv_rung)record->bits));
+      return;
     case GV_RECORD_SYNC:
       snprintf(out, GV_RECORD_TEXT, "sync: %s", record->bits ? "the glove's frames are the clock" : "the glove's frames stay away: on by the loop's own clock");
       return;

@@ -67,7 +67,8 @@ typedef enum gv_record_kind { // the kinds of GLOVED_EVENT: their numbers stay
   GV_RECORD_OVERRUN,  // periods were skipped (at most once a second)
   GV_RECORD_OTHER_HAND, // once: the glove is for the other hand than the configuration
   GV_RECORD_REQUEST,  // a gv_request was done or refused: bits = kind, + GV_RECORD_REFUSED
-  GV_RECORD_SYNC      // bits 1: the device's frames are the clock; 0: they stay away, the loop's own is
+  GV_RECORD_SYNC,     // bits 1: the device's frames are the clock; 0: they stay away, the loop's own is
+  GV_RECORD_LADDER    // bits: the rung of the deadline ladder that the loop came to (at most once a second)
 } gv_record_kind;
 
 enum { GV_RECORD_REFUSED = 256 };

@@ -46,10 +46,18 @@ static void put_engine(FILE *out, const gv_session *session) {
           c->newton_steps, c->newton_softened, c->dantzig_steps, c->quickstep_steps, c->unsolved_steps, c->solver_errors);
 }
 
+static void put_ladder(FILE *out, const gv_loop *loop) {
+  fputs("  \"ladder\": {", out);
+  for (int i = 0; i < GV_RUNGS; i++)
+    fprintf(out, "%s\"%s\": %" PRIu64, i ? ", " : "", gv_rung_name((gv_rung)i), loop->on_rung[i]);
+  fputs("},\n", out);
+}
+
 static void put_loop(FILE *out, const gv_loop *loop) {
   fprintf(out, "  \"missed_deadlines\": %" PRIu64 ",\n  \"overruns\": %" PRIu64 ",\n", loop->missed_deadlines, loop->overruns);
   if (loop->cfg.sync_device)
     fprintf(out, "  \"sync\": {\"on_frame\": %" PRIu64 ", \"on_clock\": %" PRIu64 "},\n", loop->on_frame, loop->on_clock);
+  put_ladder(out, loop);
   put_quantiles(out, "step_us", &loop->step);
   put_quantiles(out, "wake_us", &loop->wake);
   fprintf(out, "  \"rt_heap_calls\": %" PRIu64 ",\n  \"rt_page_faults\": {\"major\": %" PRId64 ", \"minor\": %" PRId64 "},\n",
@@ -139,6 +147,10 @@ void gv_summary_print(const gv_summary *s, FILE *out) {
   fprintf(out, "  missed deadlines %" PRIu64 ", periods skipped %" PRIu64 "; in the real-time thread %" PRIu64
           " heap calls, %" PRId64 " page faults\n", loop->missed_deadlines, loop->overruns, loop->heap_calls,
           loop->page_faults.major + loop->page_faults.minor);
+  const uint64_t less = loop->on_rung[GV_RUNG_SOLVER] + loop->on_rung[GV_RUNG_CONTACTS];
+  if (less || loop->on_rung[GV_RUNG_HOLD] || loop->on_rung[GV_RUNG_RAMP])
+    fprintf(out, "  deadline ladder: %" PRIu64 " steps with less effort, %" PRIu64 " periods with forces held, %" PRIu64 " ramped\n", less,
+            loop->on_rung[GV_RUNG_HOLD], loop->on_rung[GV_RUNG_RAMP]);
   if (loop->cfg.sync_device)
     fprintf(out, "  steps begun by the glove's frame %" PRIu64 ", by the own clock %" PRIu64 "\n", loop->on_frame, loop->on_clock);
   fprintf(out, "  frames in %" PRIu64 ", out %" PRIu64 ", lost %" PRIu64 ", bad %" PRIu64 ", late %" PRIu64 "\n",

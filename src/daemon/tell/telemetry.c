@@ -339,6 +339,7 @@ static void send_stats(gv_telemetry *telemetry, const gv_snapshot *snapshot) {
   const gv_session_config *session = &telemetry->loop->session->cfg;
   gv_settings_laxer(&session->limiter, &session->safety, laxer);
   out->laxer_than_default = laxer;
+  for (int i = 0; i < GV_RUNGS; i++) out->ladder[i] = (int64_t)telemetry->loop->on_rung[i];
   put_counters(telemetry, snapshot, out);
   put_histograms(&telemetry->statistics, telemetry->loop);
   send_message(telemetry, "GLOVED_STATS", out->utime, gloved_stats_t_encode(telemetry->message, 0, MESSAGE_MAX, out));
