@@ -292,7 +292,7 @@ static void test_loop_skips_whole_periods(void) {
 static uint64_t run_heap(gv_pace pace, int64_t period_ns, int64_t periods) {
   static lab heap;
   fake device = {.polls = 1000000};
-  gv_driver driver = {&device, poll_fake, send_fake, fake_ended, fake_stats, close_fake, NULL, 0};
+  gv_driver driver = {.self = &device, .poll = poll_fake, .send = send_fake, .ended = fake_ended, .stats = fake_stats, .close = close_fake};
   const gv_session_config session_config = {.limiter = gv_limiter_config_default(), .safety = gv_safety_config_default(),
                                             .side = GV_RIGHT, .period_s = (double)period_ns * 1e-9};
   const gv_loop_config loop_config = {.period_ns = period_ns, .periods_max = periods, .pace = pace, .realtime = {.cpu = GV_CPU_ANY}};
