@@ -33,6 +33,7 @@ typedef struct lucidglove {
   gv_side side;
   gv_lucid_format format;
   uint32_t dead_man;           // the letter of the switch
+  bool flip;                   // its firmware turns the servos the other way round: 1000 is free
   // real-time thread
   uint8_t counter;
   int64_t now_ns, put_ns;      // of the last poll; when a line was last put
@@ -57,10 +58,17 @@ static void release(lucidglove *d) { atomic_flag_clear_explicit(&d->busy, memory
 
 static bool is_zero(const int brake[GV_FINGERS]) { return memcmp(brake, no_brake, sizeof no_brake) == 0; }
 
+// The line that this glove understands; returns its length.
+static int encode_brakes(const lucidglove *d, const int brake[GV_FINGERS], char out[GV_LUCID_BRAKES_BYTES]) {
+  int turned[GV_FINGERS];
+  for (int f = 0; f < GV_FINGERS; f++) turned[f] = d->flip ? GV_LUCID_BRAKE_MAX - brake[f] : brake[f];
+  return gv_lucid_encode_brakes(turned, out);
+}
+
 // Returns whether an older line was dropped for it.
 static bool put_brakes(lucidglove *d, const int brake[GV_FINGERS]) {
   char line[GV_LUCID_BRAKES_BYTES];
-  const int count = gv_lucid_encode_brakes(brake, line);
+  const int count = encode_brakes(d, brake, line);
   d->braked = !is_zero(brake);
   atomic_fetch_add(&d->unanswered, 1);
   return line_out_put(&d->out, line, count);
@@ -122,9 +130,9 @@ static void take_surely(lucidglove *d) {
   while (!take(d)) nanosleep(&(struct timespec){0, 100000}, NULL);
 }
 
-static int write_zero(int fd) {
+static int write_zero(const lucidglove *d, int fd) {
   char line[GV_LUCID_BRAKES_BYTES];
-  const int count = gv_lucid_encode_brakes(no_brake, line);
+  const int count = encode_brakes(d, no_brake, line);
   return serial_write(fd, line, (size_t)count, WRITE_MS);
 }
 
@@ -136,7 +144,7 @@ static int set_up(void *self, int fd) {
   d->out = (line_out){.written = 0};
   d->braked = false;
   release(d);
-  if (write_zero(fd)) return -1;
+  if (write_zero(d, fd)) return -1;
   for (int ms = 0; ms < BOOT_MS && !atomic_load(&d->source.port.stop); ms += QUIET_MS) {
     const int count = serial_read(fd, bytes, sizeof bytes, QUIET_MS, QUIET_MS);
     if (count > 0 && memchr(bytes, '\n', (size_t)count)) return 0;
@@ -166,7 +174,7 @@ static void let_go(void *self, int fd) {
   const char *rest;
   take_surely(d);
   const int count = d->out.written > 0 ? line_out_bytes(&d->out, &rest) : 0;
-  if (count == 0 || serial_write(fd, rest, (size_t)count, WRITE_MS) == 0) write_zero(fd);
+  if (count == 0 || serial_write(fd, rest, (size_t)count, WRITE_MS) == 0) write_zero(d, fd);
   d->out = (line_out){.written = 0};
   d->braked = false;
   release(d);
@@ -215,13 +223,15 @@ static gv_driver_stats stats_lucid(void *self) {
 static void read_url(lucidglove *d, const char *text, char *err, size_t err_size) {
   static const char *const types[] = {"lucidglove", NULL}, *const max[] = {"4095", "1023", NULL};
   static const char *const switches[] = {"a", "b", "joystick", NULL}, letters[] = {'J', 'K', 'H'};
+  static const char *const no_yes[] = {"no", "yes", NULL};
   serial_url *url = &d->source.url;
   serial_url_parse(url, text, err, err_size);
   serial_url_choice(url, "type", types, 0);
   d->source.port.baud = serial_url_baud(url);
   d->format.max = serial_url_choice(url, "max", max, 0) == 0 ? 4095 : 1023;
   d->dead_man = gv_lucid_bit(letters[serial_url_choice(url, "dead_man", switches, 0)]);
-  serial_url_finish(url, "serial:/dev/ttyUSB0?type=lucidglove&baud=115200&max=4095&dead_man=a");
+  d->flip = serial_url_choice(url, "flip", no_yes, 0) == 1;
+  serial_url_finish(url, "serial:/dev/ttyUSB0?type=lucidglove&baud=115200&max=4095&dead_man=a&flip=no");
 }
 
 int gv_lucidglove_open(const char *url, const gv_calibration *cal, gv_side side, gv_driver *out, char *err, size_t err_size) {

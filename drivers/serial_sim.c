@@ -269,6 +269,7 @@ static void receive_lucidglove(serial_sim *s, char c) {
   }
   s->commands++;
   if (gv_lucid_decode_brakes(s->command, (int)s->command_length, s->brake)) {
+    for (int f = 0; s->flip && f < GV_FINGERS; f++) s->brake[f] = GV_LUCID_BRAKE_MAX - s->brake[f];
     s->brake_lines++;
     s->brakes_unasked += s->waits_since_ns < 0;
     s->brakes_early += s->waits_since_ns < 0;

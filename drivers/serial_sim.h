@@ -45,6 +45,7 @@ typedef struct serial_sim {
   // LucidGlove: brakes now and their largest so far; lines of them that came, that came while it waited for none, and
   // those of these that stand for an answer yet to come; when its own last line left, -1: it waits for nothing
   int brake[GV_FINGERS], brake_max[GV_FINGERS], brakes_early;
+  bool flip;                 // FLIP_FORCE_FEEDBACK does not fit the glove: it brakes by 1000 - x
   uint64_t brake_lines, brakes_unasked;
   int64_t waits_since_ns;
   uint8_t out[SERIAL_SIM_OUT]; // waiting to be sent

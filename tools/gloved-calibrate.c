@@ -254,9 +254,33 @@ static int read_options(int argc, char **argv) {
   return 0;
 }
 
+// A LucidGlove whose firmware turns the servos the other way round brakes where it should be free. Only a hand can tell.
+static int ask_for_free_fingers(void) {
+  struct pollfd in = {STDIN_FILENO, POLLIN, 0};
+  char answer[256] = "";
+  if (gv_fcu_channel(all.settings.fcu)->kind != GV_CHANNEL_BRAKE) return 0;
+  if (all.automatic) {
+    printf("  brakes: nobody was asked whether the fingers are free; see flip= in include/gloved/drivers.h\n");
+    return 0;
+  }
+  printf("\nBrakes: they are let go now. Bend every finger. Do all of them move freely? [y/n]\n");
+  fflush(stdout);
+  while (poll(&in, 1, 0) == 0) {
+    next_ms();
+    take_samples();
+  }
+  if (!fgets(answer, sizeof answer, stdin)) return 2;
+  if (answer[0] == 'y' || answer[0] == 'Y') return 0;
+  const bool flipped = strstr(all.settings.fcu, "flip=yes") != NULL;
+  fprintf(stderr, "gloved-calibrate: the firmware's FLIP_FORCE_FEEDBACK does not fit the glove; give flip=%s in the URL, and begin again\n",
+          flipped ? "no" : "yes");
+  return 1;
+}
+
 static int calibrate(void) {
   int error = 0;
   gv_calibrator_init(&all.calibrator);
+  error = ask_for_free_fingers();
   for (int i = 0; i < GV_POSTURES && !error; i++) error = take_posture((gv_posture)i);
   if (!error) error = finish();
   else if (error == 1) fprintf(stderr, "gloved-calibrate: refused, nothing was written (%llu samples came, %llu were bad)\n",

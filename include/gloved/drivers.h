@@ -98,9 +98,10 @@ gv_pose gv_fastrak_upright(void);
 // answer. `cal` is what the counts will be read with (the distal joints of an 18-sensor glove follow from it).
 int gv_cyberglove_open(const char *url, const gv_calibration *cal, gv_side side, gv_driver *out, char *err, size_t err_size);
 
-// "serial:DEVICE?type=lucidglove[&baud=115200&max=4095|1023&dead_man=a|b|joystick]": LucidGloves, GLOVE frames from
-// one bend per finger (spread over its joints, see src/wire/lucidglove.h), FORCE_COMMAND frames to five brakes
-// (channel.h). max: the board's largest reading (1023: AVR boards). dead_man: the button that is the dead-man switch;
+// "serial:DEVICE?type=lucidglove[&baud=115200&max=4095|1023&dead_man=a|b|joystick&flip=no|yes]": LucidGloves, GLOVE
+// frames from one bend per finger, or one per joint (see src/wire/lucidglove.h), FORCE_COMMAND frames to five brakes
+// (channel.h). flip=yes: for a firmware whose FLIP_FORCE_FEEDBACK does not fit the glove, so that 0 are full brakes:
+// 1000 - x is sent. The wrong choice brakes a hand that should be free: gloved-calibrate asks. max: the board's largest reading (1023: AVR boards). dead_man: the button that is the dead-man switch;
 // a loose one lets no force out. Only the newest command counts: a line of brakes goes out for each line of the
 // glove, zero brakes at once. Zero brakes follow from a command without ENABLE or one that does not decode, from 5 ms
 // without a command, and from closing. The stock firmware has no watchdog: after SIGKILL, or with the cable out,

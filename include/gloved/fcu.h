@@ -118,10 +118,14 @@ int gv_classic_split(const gv_frame *fd, gv_frame out[GV_CLASSIC_FRAMES]);
 // Whether it is one of the classic frames above (by identifier and kind).
 bool gv_classic_is_part(const gv_frame *frame);
 
-// Joins what arrives. Zeroed at the start. A message that lacks a frame when the next one begins is dropped
-// (its counter shows it as lost); the order of its frames does not matter.
+// Joins what arrives. Zeroed at the start. The order of a message's frames does not matter, and some messages may be
+// under way at a time (a cannelloni that stalled cuts them anywhere); the one begun first is dropped for another (its
+// counter shows it as lost).
+enum { GV_CLASSIC_UNDER_WAY = 4 };
+typedef struct gv_classic_begun { gv_frame frame; unsigned missing, number; } gv_classic_begun; // missing: bit per frame
 typedef struct gv_classic_join {
-  struct { gv_frame frame; unsigned missing; } part[3]; // GLOVE, POSE, STATUS; missing: bit per frame
+  gv_classic_begun begun[3][GV_CLASSIC_UNDER_WAY];       // GLOVE, POSE, STATUS
+  unsigned number;               // of messages begun so far
   uint8_t command_counter;       // of the last command, modulo 256
 } gv_classic_join;
 // 1: `out` is a whole message, stamped as its last frame, or the frame itself where it is no classic part.

@@ -125,23 +125,33 @@ static bool is_part_of(const message *m, const gv_frame *frame) {
   return part < m->parts && frame->len == m->len[part];
 }
 
-static bool join_part(gv_classic_join *join, int number, const gv_frame *frame) {
-  const message *m = &layout[number];
+// The message of the kind that the frame belongs to: one under way, or a new one in the place of the oldest.
+static gv_classic_begun *begun_for(gv_classic_join *join, int kind, uint8_t counter) {
+  const message *m = &layout[kind];
+  gv_classic_begun *oldest = join->begun[kind];
+  for (int i = 0; i < GV_CLASSIC_UNDER_WAY; i++) {
+    gv_classic_begun *b = &join->begun[kind][i];
+    if (b->missing && b->frame.data[0] == counter) return b;
+    if (oldest->missing && (!b->missing || b->number < oldest->number)) oldest = b;
+  }
+  *oldest = (gv_classic_begun){.missing = (1u << m->parts) - 1u, .number = ++join->number};
+  oldest->frame = (gv_frame){.id = m->fd_id, .flags = GV_FRAME_FD | GV_FRAME_BRS, .len = m->fd_len};
+  oldest->frame.data[0] = counter;
+  return oldest;
+}
+
+// The message that the frame completes, or null.
+static const gv_frame *join_part(gv_classic_join *join, int kind, const gv_frame *frame) {
+  const message *m = &layout[kind];
   const uint32_t part = frame->id - m->classic_id;
-  gv_frame *whole = &join->part[number].frame;
-  unsigned *missing = &join->part[number].missing;
+  gv_classic_begun *b = begun_for(join, kind, frame->data[0]);
   field room;
   const field *f;
-  if (*missing == 0 || whole->data[0] != frame->data[0]) {
-    *missing = (1u << m->parts) - 1u;
-    *whole = (gv_frame){.id = m->fd_id, .flags = GV_FRAME_FD | GV_FRAME_BRS, .len = m->fd_len};
-    whole->data[0] = frame->data[0];
-  }
   for (int i = 0; (f = field_of(m, i, &room)); i++)
-    if (f->part == part) copy_nibbles(whole->data, f->fd, frame->data, f->at, f->count);
-  *missing &= ~(1u << part);
-  whole->stamp_ns = frame->stamp_ns;
-  return *missing == 0;
+    if (f->part == part) copy_nibbles(b->frame.data, f->fd, frame->data, f->at, f->count);
+  b->missing &= ~(1u << part);
+  b->frame.stamp_ns = frame->stamp_ns;
+  return b->missing == 0 ? &b->frame : NULL;
 }
 
 static bool is_special(const gv_frame *frame) {
@@ -161,8 +171,9 @@ int gv_classic_take(gv_classic_join *join, const gv_frame *frame, gv_frame *out)
   if (frame->id == GV_ID_FORCE_COMMAND_CLASSIC) join_command(join, frame, out);
   for (int i = 0; i < MESSAGES; i++) {
     if (!is_part_of(&layout[i], frame)) continue;
-    if (!join_part(join, i, frame)) return 0;
-    *out = join->part[i].frame;
+    const gv_frame *whole = join_part(join, i, frame);
+    if (!whole) return 0;
+    *out = *whole;
   }
   return 1;
 }

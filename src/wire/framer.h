@@ -8,7 +8,7 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-enum { FRAMER_BYTES = 100 };  // the longest record of any device here is a LucidGlove's line, 99
+enum { FRAMER_BYTES = 256 };  // the longest record of any device here is a LucidGlove's line with a key for each joint
 
 typedef struct framer {
   uint8_t byte[FRAMER_BYTES]; // the window

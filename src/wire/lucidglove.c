@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // The lines of LucidGloves (lucidglove.h): bytes to bends and buttons, bends to joint counts, brakes to bytes. Pure;
-// any thread; 5 us a line, most of it that it is looked
-// at again with each byte.
+// any thread; 1 us a line: it is read when its newline is there.
 #include "wire/lucidglove.h"
 
 #include <stdio.h>
@@ -11,19 +10,18 @@ enum { COUNT_MAX = 4095 };
 static const double rad_per_deg = GV_PI / 180.0;
 
 // Angles of a straight finger and of one that is bent all the way, degrees; joints that are not named are at 0.
-typedef struct spread { int sensor, finger; double straight_deg, bent_deg; } spread;
+typedef struct spread { int sensor, finger, joint; double straight_deg, bent_deg; } spread;
 static const spread spreads[] = {
-  {GV_THUMB_MPJ, 0, 0, 60},  {GV_THUMB_IJ, 0, 0, 80},   {GV_THUMB_ABDUCTION, 0, 45, 45},
-  {GV_INDEX_MPJ, 1, 0, 90},  {GV_INDEX_PIJ, 1, 0, 100}, {GV_INDEX_DIJ, 1, 0, 67},
-  {GV_MIDDLE_MPJ, 2, 0, 90}, {GV_MIDDLE_PIJ, 2, 0, 100}, {GV_MIDDLE_DIJ, 2, 0, 67},
-  {GV_RING_MPJ, 3, 0, 90},   {GV_RING_PIJ, 3, 0, 100},  {GV_RING_DIJ, 3, 0, 67},
-  {GV_LITTLE_MPJ, 4, 0, 90}, {GV_LITTLE_PIJ, 4, 0, 100}, {GV_LITTLE_DIJ, 4, 0, 67}};
+  {GV_THUMB_MPJ, 0, 0, 0, 60},  {GV_THUMB_IJ, 0, 1, 0, 80},   {GV_THUMB_ABDUCTION, 0, -1, 45, 45},
+  {GV_INDEX_MPJ, 1, 0, 0, 90},  {GV_INDEX_PIJ, 1, 1, 0, 100}, {GV_INDEX_DIJ, 1, 2, 0, 67},
+  {GV_MIDDLE_MPJ, 2, 0, 0, 90}, {GV_MIDDLE_PIJ, 2, 1, 0, 100}, {GV_MIDDLE_DIJ, 2, 2, 0, 67},
+  {GV_RING_MPJ, 3, 0, 0, 90},   {GV_RING_PIJ, 3, 1, 0, 100},  {GV_RING_DIJ, 3, 2, 0, 67},
+  {GV_LITTLE_MPJ, 4, 0, 0, 90}, {GV_LITTLE_PIJ, 4, 1, 0, 100}, {GV_LITTLE_DIJ, 4, 2, 0, 67}};
 enum { SPREADS = sizeof spreads / sizeof *spreads };
 
 // ---- lines from the glove -------------------------------------------------------------------------
 
-// A number without leading zeros. Returns its digits, -1 where it is none or above max; at the end of the bytes more
-// digits may follow.
+// A number without leading zeros. Returns its digits, -1 where it is none or above max.
 static int take_number(const uint8_t *byte, int count, int max, int *out) {
   int n = 0, value = 0;
   for (; n < count && byte[n] >= '0' && byte[n] <= '9'; n++) {
@@ -32,28 +30,50 @@ static int take_number(const uint8_t *byte, int count, int max, int *out) {
     if (value > max) return -1;
   }
   *out = value;
-  return n > 0 || count == 0 ? n : -1;
+  return n > 0 ? n : -1;
 }
 
 static bool has_number(uint8_t letter) { return letter <= 'G' || letter == 'P'; }
 
-// "(AB)" to "(EB)" with its number, as far as it is there.
-static int take_splay(int max, const uint8_t *byte, int count) {
-  static const char rest[] = "B)";
-  int ignored;
-  if (count > 1 && (byte[1] < 'A' || byte[1] > 'E')) return -1;
-  for (int i = 0; i < 2; i++)
-    if (count > 2 + i && byte[2 + i] != (uint8_t)rest[i]) return -1;
-  if (count <= 4) return count;
-  const int digits = take_number(byte + 4, count - 4, max, &ignored);
-  return digits < 0 ? -1 : 4 + digits;
+static uint32_t joint_bit(int finger, int joint) { return 1u << (GV_LUCID_JOINTS * finger + joint); }
+
+// Where the value of "AAA" to "EAD" goes; null where it is not used.
+static int *joint_of(const uint8_t key[3], gv_lucid_sample *s) {
+  const int finger = key[0] - 'A', joint = key[2] - 'A';
+  const int joints = finger == 0 ? 2 : GV_LUCID_JOINTS;
+  return joint < joints ? &s->joint[finger][joint] : NULL;
+}
+
+// Length of the key in brackets at byte[0]: splay "(AB)", joint "(AAA)", about itself "(ZV)"; -1: it is none.
+static int key_length(const uint8_t *byte, int count) {
+  if (count >= 4 && byte[1] == 'Z' && byte[2] >= 'A' && byte[2] <= 'Z' && byte[3] == ')') return 4;
+  if (count < 4 || byte[1] < 'A' || byte[1] > 'E') return -1;
+  if (byte[2] == 'B' && byte[3] == ')') return 4;
+  return count >= 5 && byte[2] == 'A' && byte[3] >= 'A' && byte[3] <= 'D' && byte[4] == ')' ? 5 : -1;
+}
+
+// A key in brackets with its number.
+static int take_key(int max, const uint8_t *byte, int count, gv_lucid_sample *s) {
+  const int key = key_length(byte, count);
+  int value = 0;
+  if (key < 0 || count == key) return -1;
+  const int digits = take_number(byte + key, count - key, max, &value);
+  if (digits < 1) return -1;
+  int *place = key == 5 ? joint_of(byte + 1, s) : NULL;
+  if (place) {
+    const uint32_t bit = joint_bit(byte[1] - 'A', byte[3] - 'A');
+    if (s->joints & bit) return -1;
+    s->joints |= bit;
+    *place = value;
+  }
+  return key + digits;
 }
 
 // A letter with what belongs to it. Bytes taken, or -1.
 static int take_item(int max, const uint8_t *byte, int count, gv_lucid_sample *s) {
   const uint8_t letter = byte[0];
   int value = 0, digits = 0;
-  if (letter == '(') return take_splay(max, byte, count);
+  if (letter == '(') return take_key(max, byte, count, s);
   if (letter < 'A' || letter > 'P' || s->letters & gv_lucid_bit((char)letter)) return -1;
   if (has_number(letter)) digits = take_number(byte + 1, count - 1, max, &value);
   if (digits < 0) return -1;
@@ -62,28 +82,53 @@ static int take_item(int max, const uint8_t *byte, int count, gv_lucid_sample *s
   return 1 + digits;
 }
 
-// Length of the line with its newline, 0 where more bytes may make it one, -1 where not.
-static int read_line(int max, const uint8_t *byte, int count, gv_lucid_sample *out) {
-  const uint32_t fingers = 0x1f;
-  int n = 0;
-  *out = (gv_lucid_sample){.letters = 0};
-  if (byte[0] != 'A') return -1;
-  while (n < count && byte[n] != '\n') {
-    const int taken = take_item(max, byte + n, count - n, out);
-    if (taken < 0) return -1;
-    n += taken;
+// A finger that has joints alone bends by their mean. Returns whether there is something of it.
+static bool has_finger(gv_lucid_sample *s, int finger) {
+  int sum = 0, n = 0;
+  if (s->letters & gv_lucid_bit((char)('A' + finger))) return true;
+  for (int j = 0; j < GV_LUCID_JOINTS; j++) {
+    if (!(s->joints & joint_bit(finger, j))) continue;
+    sum += s->joint[finger][j];
+    n++;
   }
-  if (n == count) return n < GV_LUCID_LINE_BYTES ? 0 : -1;
-  return (out->letters & fingers) == fingers && n < GV_LUCID_LINE_BYTES ? n + 1 : -1;
+  if (n > 0) s->bend[finger] = sum / n;
+  return n > 0;
 }
 
+// The items of a line without its end. False where it is none.
+static bool read_items(int max, const uint8_t *byte, int count, gv_lucid_sample *out) {
+  *out = (gv_lucid_sample){.letters = 0};
+  for (int n = 0; n < count;) {
+    const int taken = take_item(max, byte + n, count - n, out);
+    if (taken < 0) return false;
+    n += taken;
+  }
+  for (int f = 0; f < GV_FINGERS; f++)
+    if (!has_finger(out, f)) return false;
+  return true;
+}
+
+static int without_end(const uint8_t *byte, int length) {
+  return length >= 2 && byte[length - 2] == '\r' ? length - 2 : length - 1;
+}
+
+static bool may_stand_in_line(uint8_t c) {
+  return (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '(' || c == ')' || c == '\r' || c == '\n';
+}
+
+// Each byte is looked at as it comes; what the line says, when its newline is there.
 int gv_lucid_scan(const void *format, const uint8_t *byte, int count) {
+  const gv_lucid_format *f = format;
   gv_lucid_sample ignored;
-  return read_line(((const gv_lucid_format *)format)->max, byte, count, &ignored);
+  if ((byte[0] != 'A' && byte[0] != '(') || !may_stand_in_line(byte[count - 1])) return -1;
+  const uint8_t *end = memchr(byte, '\n', (size_t)count);
+  if (!end) return count < GV_LUCID_LINE_BYTES ? 0 : -1;
+  const int length = (int)(end - byte) + 1;
+  return read_items(f->max, byte, without_end(byte, length), &ignored) ? length : -1;
 }
 
 void gv_lucid_decode(const gv_lucid_format *format, const uint8_t *byte, int length, gv_lucid_sample *out) {
-  read_line(format->max, byte, length, out);
+  read_items(format->max, byte, without_end(byte, length), out);
 }
 
 int gv_lucid_encode(const gv_lucid_format *format, const gv_lucid_sample *s, uint8_t out[GV_LUCID_LINE_BYTES]) {
@@ -105,7 +150,9 @@ void gv_lucid_raw(const gv_lucid_format *format, const gv_lucid_sample *sample, 
   double angle_deg[GV_SENSORS] = {0};
   for (int i = 0; i < SPREADS; i++) {
     const spread *s = &spreads[i];
-    angle_deg[s->sensor] = s->straight_deg + (s->bent_deg - s->straight_deg) * sample->bend[s->finger] / format->max;
+    const bool own = s->joint >= 0 && sample->joints & joint_bit(s->finger, s->joint);
+    const int bend = own ? sample->joint[s->finger][s->joint] : sample->bend[s->finger];
+    angle_deg[s->sensor] = s->straight_deg + (s->bent_deg - s->straight_deg) * bend / format->max;
   }
   for (int i = 0; i < GV_SENSORS; i++)
     out_raw[i] = (uint16_t)gv_clamp(floor(gv_calibration_raw(cal, i, angle_deg[i] * rad_per_deg) + 0.5), 0.0, COUNT_MAX);

@@ -5,17 +5,23 @@
 // Sources, read and not copied: LucidVR/lucidgloves, firmware (Encoding.ino: both lines; _main.ino: order of
 // writing and reading; haptics.ino: what a brake does; AdvancedConfig.h: ranges), and LucidVR/opengloves-driver
 // (alpha_encoding_service.cpp: meaning of the letters, (AB) splay).
-//   from the glove  A4095B0C17D0E2000F2047G2047P0JM\n   letter and number, no leading zeros:
+// SenseShift's firmware (opengloves alpha_encoding.hpp: a curl for each knuckle).
+//   from the glove  A4095B0C17D0E2000F2047G2047P0JM\n   letter and number, no leading zeros; CR LF ends it as well:
 //                   A..E bend of thumb to little finger, F G joystick, P trigger; 0..4095 (ESP32), 0..1023 (AVR)
 //                   letter alone while it holds: H joystick pressed, J K buttons A and B, N menu, O calibrating;
 //                   I L M trigger, grab and pinch, which the firmware makes up from the fingers by default
 //                   (AB)2047 to (EB)2047: splay, from gloves that have it; not used
+//                   (AAA)2047 to (EAD)2047: single joints of thumb (A) to little finger (E). As SenseShift names them A is
+//                   MCP, B PIP (of the thumb IP), C DIP; C and D of the thumb, and D, are not used. A joint that is
+//                   named goes its own way, the others of its finger follow the letter, or else the mean of the named ones
+//                   (ZV)1, (ZG)0, (ZH)1: firmware, kind and hand; not used
 //   to the glove    A0B1000C250D0E0\n                   thumb to little finger, 0 free .. 1000
 // No checksum: a digit changed on the way into another passes, a digit lost often too (the engine holds a jump back).
 //
 // What a brake does is the firmware's business. The stock one turns a servo to 180 - 0.18 x degrees: a stop that the
 // finger's string runs against, the more the earlier; it holds its last place for ever, without a watchdog. It reads
-// one line for each that it writes, and waits for it, up to a second.
+// one line for each that it writes, and waits for it, up to a second. With FLIP_FORCE_FEEDBACK true, which its newer
+// Config.h files have, it turns to 0.18 x degrees: on a glove that is built the other way round, brakes 0 are full brakes.
 //
 // One number a finger: it is spread over the joints by fixed shares of their range, and the splay is a guess. At 1:
 // MPJ 90, PIJ 100, DIJ 67 degrees; thumb MPJ 60, IJ 80, and always 45 abduction (the pad faces the fingers).
@@ -27,18 +33,21 @@
 
 #include "gloved/hand.h"
 
-enum { GV_LUCID_LINE_BYTES = 99, GV_LUCID_BRAKES_BYTES = 26, GV_LUCID_BRAKE_MAX = 1000 };
+enum { GV_LUCID_LINE_BYTES = 255, GV_LUCID_BRAKES_BYTES = 26, GV_LUCID_BRAKE_MAX = 1000, GV_LUCID_JOINTS = 3 };
 
 typedef struct gv_lucid_format { int max; } gv_lucid_format; // largest reading: 4095 or 1023
 
 typedef struct gv_lucid_sample {
   int bend[GV_FINGERS];      // 0 (straight) .. max, thumb to little finger
+  int joint[GV_FINGERS][GV_LUCID_JOINTS]; // the same of single joints
   uint32_t letters;          // bit (letter - 'A') of each letter that stood in the line
+  uint32_t joints;           // bit GV_LUCID_JOINTS finger + joint of each that stood in the line
 } gv_lucid_sample;
 
 static inline uint32_t gv_lucid_bit(char letter) { return 1u << (letter - 'A'); }
 
-// For framer_push; `format` points to a gv_lucid_format. A line starts with A, has B to E and no letter twice.
+// For framer_push; `format` points to a gv_lucid_format. A line starts with A or a key, has a number for every finger, and
+// nothing twice.
 int gv_lucid_scan(const void *format, const uint8_t *byte, int count);
 // A line that gv_lucid_scan found.
 void gv_lucid_decode(const gv_lucid_format *format, const uint8_t *byte, int length, gv_lucid_sample *out);

@@ -181,6 +181,27 @@ static void test_lines_keep_the_gloves_pace(void) {
   stop();
 }
 
+// A glove whose firmware turns its servos the other way round: with flip=yes it is free when no force is wanted, from the
+// first line to the last; with the wrong setting "brakes off" are full brakes, which is why the calibration asks.
+static void test_a_flipped_firmware(void) {
+  start("&flip=yes", GV_RIGHT);
+  rig.device.flip = true;
+  CHECK(run_until_brakes(0, 0, true), "not free: %d", largest(rig.device.brake));
+  CHECK(run_until_brakes(500, 6, true), "no brakes: %d", rig.device.brake[0]);
+  CHECK(run_until_brakes(0, 0, false), "not let go: %d", largest(rig.device.brake));
+  CHECK(run_until_brakes(500, 6, true), "no brakes: %d", rig.device.brake[0]);
+  rig.driver.close(rig.driver.self);
+  uint8_t byte[1024];
+  const ssize_t n = read(rig.cable.master, byte, sizeof byte);
+  serial_sim_receive(&rig.device, byte, n > 0 ? (int)n : 0);
+  CHECK(largest(rig.device.brake) == 0, "closing leaves brakes of %d", largest(rig.device.brake));
+  pty_unplug(&rig.cable);
+  start("", GV_RIGHT);
+  rig.device.flip = true;
+  CHECK(run_until_brakes(1000, 0, false), "the wrong setting: %d", rig.device.brake[0]);
+  stop();
+}
+
 static void test_no_enable_and_broken_commands_let_go(void) {
   static const double some[GV_FINGERS] = {4, 4, 4, 4, 4};
   start("", GV_RIGHT);
@@ -315,6 +336,7 @@ int main(void) {
   RUN(test_switches_and_sides);
   RUN(test_brakes_follow_the_limiter);
   RUN(test_lines_keep_the_gloves_pace);
+  RUN(test_a_flipped_firmware);
   RUN(test_no_enable_and_broken_commands_let_go);
   RUN(test_silence_lets_go);
   RUN(test_closing_lets_go);

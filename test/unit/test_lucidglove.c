@@ -60,6 +60,26 @@ static void test_bends_become_joints(void) {
   CHECK(raw[GV_PALM_ARCH] == 1024 && raw[GV_INDEX_MPJ - 1] == 2048 && raw[GV_WRIST_YAW] == 1024, "the rest is straight");
 }
 
+// A SenseShift glove with a curl for each knuckle, and opengloves' keys (written after their tables, not by our encoder).
+static void test_keys_of_single_joints(void) {
+  static const char knuckles[] =
+    "A2000(AB)2047(AAA)1000(AAB)3000B100(BB)2047(BAA)4095(BAB)0(BAC)2048C5(CB)2047(CAA)5(CAB)5(CAC)5D6(DB)2047E7(EB)2047F2047G2047JO\r\n";
+  static const char joints_alone[] = "(AAA)10(AAB)20(AAC)4000(AAD)0(BAA)0(BAB)100(BAC)200(BAD)0C1D2E3(ZV)1(ZG)0(ZH)1\n";
+  const gv_calibration cal = gv_calibration_default();
+  uint16_t raw[GV_SENSORS];
+  CHECK(push_anew(&wide, knuckles) == 1 && f.bad_bytes == 0 && last.letters & gv_lucid_bit('J'), "no line");
+  CHECK(last.bend[0] == 2000 && last.joint[0][0] == 1000 && last.joint[0][1] == 3000 && last.joint[1][0] == 4095, "joints");
+  gv_lucid_raw(&wide, &last, &cal, raw);
+  // 1024 counts are straight, 1024 more a right angle (gv_calibration_default).
+  CHECK(raw[GV_INDEX_MPJ] == 2048 + 1024 && raw[GV_INDEX_PIJ] == 1024, "index %d %d", raw[GV_INDEX_MPJ], raw[GV_INDEX_PIJ]);
+  CHECK_NEAR(gv_calibration_angle(&cal, GV_INDEX_DIJ, raw[GV_INDEX_DIJ]) * 180 / GV_PI, 33.5, 0.1);
+  CHECK_NEAR(gv_calibration_angle(&cal, GV_THUMB_MPJ, raw[GV_THUMB_MPJ]) * 180 / GV_PI, 60.0 * 1000 / 4095, 0.1);
+  CHECK_NEAR(gv_calibration_angle(&cal, GV_THUMB_IJ, raw[GV_THUMB_IJ]) * 180 / GV_PI, 80.0 * 3000 / 4095, 0.1);
+  CHECK_NEAR(gv_calibration_angle(&cal, GV_RING_MPJ, raw[GV_RING_MPJ]) * 180 / GV_PI, 90.0 * 6 / 4095, 0.1);
+  CHECK(push_anew(&wide, joints_alone) == 1 && f.bad_bytes == 0, "no line of joints alone");
+  CHECK(last.bend[0] == 15 && last.bend[1] == 100 && last.bend[4] == 3, "means: %d %d %d", last.bend[0], last.bend[1], last.bend[4]);
+}
+
 // Whatever the calibration, bends come back from the angles that the engine reads.
 static void test_bends_round_trip(void) {
   for (int k = 0; k < 500; k++) {
@@ -129,9 +149,11 @@ static void test_lost_byte(void) {
 static void test_ranges(void) {
   static const char *const wrong[] = {
     "A4096B0C0D0E0\n", "A0B0C0D0E99999999999\n", "A0B0C0D0\n", "B0C0D0E0\n", "A0B0C0D0E\n", "AB0C0D0E0\n", "A-1B0C0D0E0\n", "A00B0C0D0E0\n",
-    "A05B0C0D0E0\n", "A0B0C0D0E0A0\n", "A0B0C0D0E0JJ\n", "a0b0c0d0e0\n", "A0 B0 C0 D0 E0\n", "A0B0C0D0E0\r\n", "A0B0C0D0E0Q\n", "A0B0C0D0E0J1\n",
-    "A0B0C0D0E0(FB)0\n", "A0B0C0D0E0(AB)\n", "A0B0C0D0E0(AB)4096\n", "A0B0C0D0E0(AAB)1\n", "A0B0C0D0E0F4096\n", "\n",
-    "A0B0C0D0E0(AB)1000(BB)1000(CB)1000(DB)1000(EB)1000(AB)1000(BB)1000(CB)1000(DB)1000(EB)1000(AB)1000(BB)1\n"};
+    "A05B0C0D0E0\n", "A0B0C0D0E0A0\n", "A0B0C0D0E0JJ\n", "a0b0c0d0e0\n", "A0 B0 C0 D0 E0\n", "A0B0C0D0E0Q\n", "A0B0C0D0E0J1\n",
+    "A0B0C0D0E0(FB)0\n", "A0B0C0D0E0(AB)\n", "A0B0C0D0E0(AB)4096\n", "A0B0C0D0E0(AAE)1\n", "A0B0C0D0E0(AAB)1(AAB)1\n", "A0B0C0D0E0\r", "A0B0C0D0E0\r0\n", "A0B0C0D0(AAA)5\n", "(ZV)1(ZG)2(ZH)0\n", "A0B0C0D0E0F4096\n", "\n",
+    // 256 bytes: longer than any line
+    "A0B0C0D0E0(AB)1000(BB)1000(CB)1000(DB)1000(EB)1000(AB)1000(BB)1000(CB)1000(DB)1000(EB)1000(AB)1000(BB)1000(CB)1000(DB)1000"
+    "(EB)1000(AB)1000(BB)1000(CB)1000(DB)1000(EB)1000(AB)1000(BB)1000(CB)1000(DB)1000(EB)1000(AB)1000(BB)1000(CB)1000(DB)1000(EB)1000(AB)1000\n"};
   for (size_t i = 0; i < sizeof wrong / sizeof *wrong; i++) {
     CHECK(push_anew(&wide, wrong[i]) == 0, "accepted: %s", wrong[i]);
     CHECK(push(&wide, golden, sizeof golden - 1) == 1, "the line after was lost: %s", wrong[i]);
@@ -228,6 +250,7 @@ static void test_limiter_fits_the_channel(void) {
 int main(void) {
   RUN(test_golden_line);
   RUN(test_bends_become_joints);
+  RUN(test_keys_of_single_joints);
   RUN(test_bends_round_trip);
   RUN(test_truncated_anywhere);
   RUN(test_garbage_between);
