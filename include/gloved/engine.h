@@ -118,7 +118,8 @@ typedef struct gv_counters {
     pairs_left_over,           // that the step's budget did not reach, shallow ones of objects first
     body_resets, overlaps,
     newton_steps, dantzig_steps, quickstep_steps, // steps with contacts, by the solver that did them
-    newton_softened,             // of newton_steps: friction was softer than asked, for no solution was found with it
+    newton_softened,           // of newton_steps: with softer friction than asked
+    dantzig_lagged,            // of dantzig_steps: friction was bounded by the normal forces of an earlier round
     unsolved_steps,            // with contacts that no solver could do: the bodies in contact stood still
     solver_errors;             // answers that ODE gave up, or said to be wrong: another solver did the step
   uint32_t contacts_max, pairs_max;

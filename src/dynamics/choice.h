@@ -11,7 +11,7 @@ typedef struct gv_choice {
   double period_s;           // of the loop
   double effort;             // share of the budgets that is to be used: 1 all
   gv_ode *ode;
-  void *newton;
+  void *memory[GV_SOLVERS];  // of each solver
 } gv_choice;
 
 // Which solver found an answer, and what for.

@@ -305,4 +305,5 @@ static void forget(void *memory) {
   s->last_count = 0;
 }
 
-const gv_contact_solver gv_solver_newton = {"newton", sizeof(gv_newton), solve, forget};
+const gv_contact_solver gv_solver_newton = {
+  .name = "newton", .memory_size = sizeof(gv_newton), .solve = solve, .forget = forget};

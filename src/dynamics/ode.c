@@ -205,8 +205,10 @@ static void put_contact(gv_ode *o, const gv_problem *problem, const gv_ode_metho
   k.surface.motionN = c->target_velocity;
   k.surface.soft_cfm = c->normal_compliance * h;
   k.surface.slip1 = k.surface.slip2 = c->tangent_compliance * h;
-  if (method->friction_limit) {
-    k.surface.mu = method->friction_limit[i] / h;
+  if (method->limit && method->limit[i].along[0] >= 0.0) {
+    k.surface.mode |= dContactMu2;
+    k.surface.mu = method->limit[i].along[0] / h;
+    k.surface.mu2 = method->limit[i].along[1] / h;
   } else if (c->friction == GV_FRICTION_FIXED_LIMIT) {
     k.surface.mu = c->friction_limit / h;
   } else {

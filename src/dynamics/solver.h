@@ -8,6 +8,8 @@
 
 #include "dynamics/problem.h"
 
+typedef struct gv_ode gv_ode;
+
 typedef enum gv_outcome {
   GV_OUTCOME_NONE,      // not for this solver, out of budget, or no answer: nothing was written
   GV_OUTCOME_SOLVED,    // to the problem as stated
@@ -17,7 +19,8 @@ typedef enum gv_outcome {
 
 typedef struct gv_contact_solver {
   const char *name;
-  size_t memory_size;   // bytes, all zero at first; 0: what gv_ode_open gives
+  size_t memory_size;   // bytes, all zero before init
+  void (*init)(void *memory, gv_ode *ode); // null: does without
   // Writes the velocities of the bodies that move and have a contact (the others are left as they are), and the impulse on
   // body a of each contact, N s, world axes. Calls with the same problem after `forget` give the same bits.
   gv_outcome (*solve)(void *memory, const gv_problem *problem, gv_velocity out_velocity[], gv_vec3 out_impulse[]);

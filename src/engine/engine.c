@@ -188,7 +188,8 @@ static void count_step(gv_engine *e, gv_solver_report report) {
     case GV_SOLVER_AUTO:
     case GV_SOLVERS: c->unsolved_steps += e->contact_count > 0; break;
   }
-  c->newton_softened += report.solver == GV_SOLVER_NEWTON && report.outcome == GV_OUTCOME_SOFTENED;
+  c->newton_softened += report.outcome == GV_OUTCOME_SOFTENED;
+  c->dantzig_lagged += report.outcome == GV_OUTCOME_LAGGED;
   if (report.solver == GV_SOLVER_QUICKSTEP && e->cfg.solver != GV_SOLVER_QUICKSTEP) e->events |= GV_EVENT_QUICKSTEP;
 }
 

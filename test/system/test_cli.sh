@@ -122,7 +122,7 @@ verdict command_line_over_config $? "$(cat "$tmp/out")"
 verdict check_says_the_solver $? "$(cat "$tmp/out")"
 for solver in newton dantzig quickstep; do
   "$gloved" --solver $solver --fcu 'sim:data/scripts/power_box.user?speed=0' --lcm none --duration 6 --summary "$tmp/solver.json" > /dev/null 2> "$tmp/err"
-  python3 -c 'import json, sys; n = json.load(open(sys.argv[1]))["solver_steps"]; sys.exit(not (n[sys.argv[2]] > 1000 and sum(n.values()) == n[sys.argv[2]] + n["newton_softened"]))' "$tmp/solver.json" $solver
+  python3 -c 'import json, sys; n = json.load(open(sys.argv[1]))["solver_steps"]; sys.exit(not (n[sys.argv[2]] > 1000 and n["newton"] + n["dantzig"] + n["quickstep"] + n["none"] == n[sys.argv[2]]))' "$tmp/solver.json" $solver
   verdict summary_says_${solver}_did_the_steps $? "$(grep solver_steps "$tmp/solver.json"; cat "$tmp/err")"
 done
 

@@ -36,7 +36,8 @@ static gv_choice open_solvers(void) {
 static answer ask(gv_choice *choice, const gv_contact_solver *solver, const gv_problem *problem) {
   answer a;
   memset(&a, 0, sizeof a);
-  void *of_solver = solver == &gv_solver_newton ? choice->newton : (void *)choice->ode;
+  const int at = solver == &gv_solver_newton ? GV_SOLVER_NEWTON : solver == &gv_solver_dantzig ? GV_SOLVER_DANTZIG : GV_SOLVER_QUICKSTEP;
+  void *of_solver = choice->memory[at];
   solver->forget(of_solver);
   a.outcome = solver->solve(of_solver, problem, a.velocity, a.impulse);
   return a;
@@ -125,18 +126,14 @@ static double excess_friction(const gv_problem_contact *c, gv_vec3 x) {
   return fmax(t1, t2) - bound;
 }
 
-// Does nothing slide? Then the impulses solve the pyramid's problem as well as the cone's.
-static bool all_stick(const gv_problem *q, const answer *a) {
-  for (int i = 0; i < q->contact_count; i++) {
-    const double normal = gv_dot(a->impulse[i], q->contact[i].frame[0]);
-    const double friction = gv_norm(gv_mad(a->impulse[i], -normal, q->contact[i].frame[0]));
-    if (friction > 0.999 * q->contact[i].mu * normal) return false;
-  }
-  return true;
+// Beyond Coulomb's cone, N s.
+static double excess_of_cone(const gv_problem_contact *c, gv_vec3 x) {
+  const double normal = gv_dot(x, c->frame[0]);
+  return gv_norm(gv_mad(x, -normal, c->frame[0])) - c->mu * fmax(0, normal);
 }
 
-// Dantzig's and Newton's motions agree, for both mean the same problem, where the cone of the one and the pyramid of the
-// other allow the same; impulses obey the law, momentum is kept.
+// Dantzig's and Newton's motions agree, for both mean the same problem: Coulomb's law with the round cone, of which ODE
+// knows nothing. Momentum is kept. With little friction, so that there is one solution.
 static void test_dantzig_means_the_same_problem(void) {
   gv_choice choice = open_solvers();
   static gv_problem q;
@@ -144,6 +141,7 @@ static void test_dantzig_means_the_same_problem(void) {
   int compared = 0, differ = 0, solved = 0;
   for (int trial = 0; trial < 2000; trial++) {
     draw_problem(&q, GV_FRICTION_PYRAMID);
+    for (int i = 0; i < q.contact_count; i++) q.contact[i].mu *= 0.5;
     newton = ask(&choice, &gv_solver_newton, &q);
     dantzig = ask(&choice, &gv_solver_dantzig, &q);
     if (dantzig.outcome != GV_OUTCOME_NONE) check_momentum(&q, &dantzig, "dantzig");
@@ -151,10 +149,10 @@ static void test_dantzig_means_the_same_problem(void) {
     if (dantzig.outcome != GV_OUTCOME_SOLVED) continue;
     solved++;
     for (int i = 0; i < q.contact_count; i++) {
-      const double normal = gv_dot(dantzig.impulse[i], q.contact[i].frame[0]), excess = excess_friction(&q.contact[i], dantzig.impulse[i]);
+      const double normal = gv_dot(dantzig.impulse[i], q.contact[i].frame[0]), excess = excess_of_cone(&q.contact[i], dantzig.impulse[i]);
       CHECK(normal > -1e-9 && excess < 1e-7 + 1e-3 * normal, "trial %d: %g N s of friction too much on %g", trial, excess, normal);
     }
-    if (newton.outcome != GV_OUTCOME_SOLVED || !all_stick(&q, &newton)) continue;
+    if (newton.outcome != GV_OUTCOME_SOLVED) continue;
     double apart = 0;
     for (int b = 0; b < q.body_count; b++) apart = fmax(apart, gv_norm(gv_sub(newton.velocity[b].v, dantzig.velocity[b].v)));
     compared++;

@@ -42,8 +42,8 @@ static void put_engine(FILE *out, const gv_session *session) {
           c->samples, c->samples_refused, c->angles_limited, c->body_resets, c->pairs_dropped, c->pairs_left_over, c->overlaps);
   fprintf(out, "  \"operations_per_s\": %.4g,\n", gv_engine_config(session->engine)->operations_per_s);
   fprintf(out, "  \"solver_steps\": {\"newton\": %" PRIu64 ", \"newton_softened\": %" PRIu64 ", \"dantzig\": %" PRIu64
-          ", \"quickstep\": %" PRIu64 ", \"none\": %" PRIu64 "},\n  \"solver_errors\": %" PRIu64 ",\n",
-          c->newton_steps, c->newton_softened, c->dantzig_steps, c->quickstep_steps, c->unsolved_steps, c->solver_errors);
+          ", \"dantzig_lagged\": %" PRIu64 ", \"quickstep\": %" PRIu64 ", \"none\": %" PRIu64 "},\n  \"solver_errors\": %" PRIu64 ",\n",
+          c->newton_steps, c->newton_softened, c->dantzig_steps, c->dantzig_lagged, c->quickstep_steps, c->unsolved_steps, c->solver_errors);
 }
 
 static void put_ladder(FILE *out, const gv_loop *loop) {

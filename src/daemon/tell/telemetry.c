@@ -316,6 +316,7 @@ static void put_counters(const gv_telemetry *telemetry, const gv_snapshot *snaps
   out->newton_steps = (int64_t)c->newton_steps;
   out->newton_softened = (int64_t)c->newton_softened;
   out->dantzig_steps = (int64_t)c->dantzig_steps;
+  out->dantzig_lagged = (int64_t)c->dantzig_lagged;
   out->quickstep_steps = (int64_t)c->quickstep_steps;
   out->unsolved_steps = (int64_t)c->unsolved_steps;
   out->solver_errors = (int64_t)c->solver_errors;
