@@ -32,14 +32,16 @@ typedef struct gv_pair_cache {
   gv_vec3 normal_world;   // last normal, or zero
   uint16_t vertex_a, vertex_b; // last support vertices (hill climbing); of a segment or box its signs, bit by bit
   uint16_t corner_a[3], corner_b[3], corners; // vertices whose differences carried the nearest point; 0: none
-  uint16_t overlap;       // 1: the cores overlapped, the corners are those of the side
+  uint8_t overlap;        // 1: the cores overlapped, the corners are those of the side
+  uint8_t inside;         // 1: the surfaces overlapped along normal_world when a manifold was asked for
   uint16_t operations;    // of the last answer, for the next step's budget; 0: none yet
   float urgency_m;        // the last answer's depth, and what may have come since (collision/queue.c)
 } gv_pair_cache;
 
-// How the distance was found. shift: libccd's way to a depth. beyond: farther apart than was asked for.
+// How the distance was found. shift: libccd's way to a depth. side: along the last normal, of a manifold whose nearer side
+// is the opposite one. beyond: farther apart than was asked for.
 typedef enum gv_distance_method {
-  GV_DISTANCE_GJK, GV_DISTANCE_EPA, GV_DISTANCE_FACES, GV_DISTANCE_SHIFT, GV_DISTANCE_BEYOND
+  GV_DISTANCE_GJK, GV_DISTANCE_EPA, GV_DISTANCE_FACES, GV_DISTANCE_SHIFT, GV_DISTANCE_SIDE, GV_DISTANCE_BEYOND
 } gv_distance_method;
 
 typedef struct gv_distance {

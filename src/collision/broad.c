@@ -62,6 +62,26 @@ void gv_broad_forget(gv_broad *broad) {
   memset(broad->piece_cache, 0, pairs_of_pieces(n) * sizeof *broad->piece_cache);
 }
 
+static gv_pair_cache *limb_cache(const gv_broad *broad, int l, int piece) {
+  return &broad->limb_cache[l * broad->scene->piece_count + piece];
+}
+
+static gv_pair_cache *piece_cache(const gv_broad *broad, int i, int j) {
+  const int high = i > j ? i : j;
+  const int low = i > j ? j : i;
+  assert(high != low);
+  return &broad->piece_cache[high * (high - 1) / 2 + low];
+}
+
+void gv_broad_forget_sides(gv_broad *broad, int o) {
+  const gv_object *object = &broad->scene->object[o];
+  for (int i = object->piece_first; i < object->piece_first + object->piece_count; i++) {
+    for (int l = 0; l < GV_LIMBS; l++) limb_cache(broad, l, i)->inside = 0;
+    for (int j = 0; j < broad->scene->piece_count; j++)
+      if (j != i) piece_cache(broad, i, j)->inside = 0;
+  }
+}
+
 static void init_piece(gv_broad *broad, int o, int i) {
   const gv_hull *hull = &broad->scene->piece[i];
   const gv_vec3 r = {hull->radius, hull->radius, hull->radius};
@@ -91,10 +111,11 @@ void gv_broad_init(gv_broad *broad, double step_s, double contact_margin_m) {
 
 // ---- bounds of this step ----
 
-// How far the surface of a body can come in one step, plus its half of the contact margin.
+// How far the surface of a body can come in one step, plus its half of the contact margin. However fast it is: what is not
+// seen coming is not stopped.
 static double body_margin(const gv_broad *broad, const gv_body_state *s, double reach) {
   double travel = broad->step_s * (gv_norm(s->v) + gv_norm(s->w) * reach);
-  return 0.5 * broad->contact_margin_m + (travel < 0.02 ? travel : 0.02);
+  return 0.5 * broad->contact_margin_m + travel;
 }
 
 // The first column of q's matrix.
@@ -155,8 +176,7 @@ static void list_pair(gv_broad *broad, gv_candidate pair) {
 }
 
 static void list_limb_piece(gv_broad *broad, int l, int o, int piece) {
-  gv_pair_cache *cache = &broad->limb_cache[l * broad->scene->piece_count + piece];
-  list_pair(broad, (gv_candidate){cache, (uint16_t)l, (uint16_t)piece, (uint8_t)l, (uint8_t)(GV_LIMBS + o)});
+  list_pair(broad, (gv_candidate){limb_cache(broad, l, piece), (uint16_t)l, (uint16_t)piece, (uint8_t)l, (uint8_t)(GV_LIMBS + o)});
 }
 
 // A limb's box in an object's frame, which is turned by R, grown by both margins.
@@ -192,9 +212,7 @@ void gv_broad_list_hand(gv_broad *broad) {
 }
 
 static void list_pieces(gv_broad *broad, int a, int i, int b, int j) {
-  int high = i > j ? i : j;
-  int low = i > j ? j : i;
-  gv_pair_cache *cache = &broad->piece_cache[high * (high - 1) / 2 + low];
+  gv_pair_cache *cache = piece_cache(broad, i, j);
   list_pair(broad, (gv_candidate){cache, (uint16_t)i, (uint16_t)j, (uint8_t)(GV_LIMBS + a), (uint8_t)(GV_LIMBS + b)});
 }
 

@@ -52,6 +52,9 @@ void gv_broad_init(gv_broad *broad, double step_s, double contact_margin_m);
 // Drop the warm starts.
 void gv_broad_forget(gv_broad *broad);
 
+// An object was placed from outside: which side of what it came from says nothing any more.
+void gv_broad_forget_sides(gv_broad *broad, int object);
+
 // Bounds from predicted[], which the caller has written. All limbs, then objects one by one.
 void gv_broad_bound_limbs(gv_broad *broad);
 void gv_broad_bound_object(gv_broad *broad, int object);

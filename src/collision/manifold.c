@@ -15,6 +15,7 @@ enum { SCAN_UP_TO = 24 };  // faces: below, a scan is faster than a walk
 static const double steep = 0.3;       // least cosine of reference face and normal (72 degrees)
 static const double flat = 1 - 1e-9;    // cosine: no other face is nearer (45 microradians)
 static const double on_side = 1e-9;    // metres: a corner this far outside the prism is still inside
+static const double opposite = -0.5;    // cosine of two normals: a turn by more than 120 degrees
 static const double same_gap = 1e-9;   // metres
 static const double rocks = 1e-4;      // metres: over edges so much farther than the closest point a limb may rock within a step
 static const double same_place = 1e-5; // metres: nearer contacts are one
@@ -334,6 +335,24 @@ static void gather(manifold *m, const gv_cso *cso, gv_pair_cache *cache, uint16_
   else clip_polygons(m, &a, &b, false);
 }
 
+// Of a body pressed into a thin one the nearer side can be the far one. Nothing passes from one side to the opposite one
+// within a step while it touches both: such a turn of the normal is not taken, and the depth is that along the last normal,
+// so that the contact leads back to where the body came from.
+static void keep_side_of_entry(const gv_cso *cso, const gv_pair *pair, gv_vec3 last_normal_world, gv_distance *io) {
+  if (io->method == GV_DISTANCE_BEYOND || io->distance >= 0) return;
+  const gv_vec3 last = gv_rotate_inv(cso->q_world_b, last_normal_world);
+  if (gv_dot(last, io->normal_world) > opposite) return;
+  const gv_cso_point p = gv_cso_support(cso, last);
+  io->distance = -gv_dot(p.w, last) - pair->a->radius - pair->b->radius;
+  io->normal_world = last;
+  io->method = GV_DISTANCE_SIDE;
+  io->on_a = gv_mad(p.a, -pair->a->radius, last);
+  io->on_b = gv_mad(io->on_a, -io->distance, last);
+  cso->cache->normal_world = last_normal_world;
+  cso->cache->corners = 0;
+  cso->cache->overlap = 0;
+}
+
 int gv_manifold_pair(gv_narrow narrow, const gv_pair *pair, double margin, gv_pair_cache *cache,
                      gv_contact_point out[GV_MAX_PAIR_CONTACTS], gv_distance *out_distance) {
   const gv_shape *a = pair->a, *b = pair->b;
@@ -342,7 +361,10 @@ int gv_manifold_pair(gv_narrow narrow, const gv_pair *pair, double margin, gv_pa
   manifold m;
   double radii = a->radius + b->radius;
   uint16_t face_b;
+  const gv_vec3 last_normal = cache->normal_world;
   gv_distance_in_b(narrow, pair, margin, cache, &cso, &d);
+  if (cache->inside) keep_side_of_entry(&cso, pair, last_normal, &d);
+  cache->inside = d.method != GV_DISTANCE_BEYOND && d.distance < 0;
   if (out_distance) {
     *out_distance = d;
     gv_distance_to_world(pair->T_world_b, cache, out_distance);

@@ -18,13 +18,24 @@ static void set_spring(gv_problem_contact *out, const gv_config *cfg, double dep
   if (wanted > most_correcting_m_s) out->normal_compliance *= most_correcting_m_s / wanted;
 }
 
+// The softness is one for hands and what they lift. Of two bodies that are heavier it is less in proportion, so that
+// they sink in no deeper than a kilogram would: an anvil that is dropped does not go through the table.
+static double share_of_softness(const gv_problem *problem, const gv_dynamics_contact *c) {
+  const double one_kg = 1.0;
+  const double mass_a = problem->body[c->body_a].mass;
+  const double mass_b = problem->body[c->body_b].mass;  // 0: static
+  if (mass_a <= one_kg || (mass_b > 0.0 && mass_b <= one_kg)) return 1.0;
+  const double inverse = 1.0 / mass_a + (mass_b > 0.0 ? 1.0 / mass_b : 0.0);
+  return fmin(1.0, one_kg * inverse);
+}
+
 static bool is_sound(const gv_dynamics_contact *c) {
   if (!gv_v3_finite(c->position) || !gv_v3_finite(c->normal) || !gv_v3_finite(c->friction_dir)) return false;
   return isfinite(c->depth) && isfinite(c->mu) && fabs(gv_norm2(c->normal) - 1.0) < 1e-6;
 }
 
 // Softness on the normal row alone: friction rows that inherit a large CFM creep and drop the object.
-static void set_contact(gv_problem_contact *out, const gv_config *cfg, const gv_dynamics_contact *c) {
+static void set_contact(gv_problem_contact *out, const gv_config *cfg, const gv_dynamics_contact *c, double softness) {
   const bool coulomb = c->friction == GV_FRICTION_PYRAMID;
   out->body_a = c->body_a;
   out->body_b = c->body_b;
@@ -33,6 +44,7 @@ static void set_contact(gv_problem_contact *out, const gv_config *cfg, const gv_
   out->frame[1] = c->friction_dir;
   out->frame[2] = gv_cross(c->normal, c->friction_dir);
   set_spring(out, cfg, c->depth);
+  out->normal_compliance *= softness;
   out->tangent_compliance = cfg->world_cfm / cfg->step_s;
   out->friction = c->friction;
   out->mu = coulomb ? c->mu : 0.0;
@@ -48,7 +60,7 @@ void gv_problem_set_contacts(gv_problem *problem, const gv_config *cfg, const gv
     assert(c->body_a != c->body_b && c->body_a < problem->body_count && c->body_b < problem->body_count);
     if (!is_sound(c) || !(problem->body[c->body_a].mass > 0.0)) continue;
     out_index[problem->contact_count] = i;
-    set_contact(&problem->contact[problem->contact_count], cfg, c);
+    set_contact(&problem->contact[problem->contact_count], cfg, c, share_of_softness(problem, c));
     problem->contact_count++;
   }
 }

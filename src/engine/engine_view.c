@@ -35,6 +35,7 @@ void gv_engine_push_object(gv_engine *e, int object, gv_vec3 f_world, gv_vec3 t_
 }
 void gv_engine_set_object(gv_engine *e, int object, gv_pose T_world_body, gv_vec3 v, gv_vec3 w) {
   for (int o = 0; o < e->scene->object_count; o++) gv_engine_wake_object(e, o);  // it may have carried others
+  gv_broad_forget_sides(&e->broad, object);
   gv_dynamics_set_state(e->dyn, GV_LIMBS + object, &(gv_body_state){T_world_body, v, w});
 }
 

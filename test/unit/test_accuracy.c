@@ -199,7 +199,7 @@ static void show_pose(const query *q) {
 static gv_pair_cache draw_cache(void) {
   gv_pair_cache c = {.normal_world = draw_unit(), .vertex_a = (uint16_t)draw(0, 60000), .vertex_b = (uint16_t)draw(0, 60000), .corners = (uint16_t)draw(0, 5)};
   for (int k = 0; k < 3; k++) c.corner_a[k] = (uint16_t)draw(0, 9), c.corner_b[k] = (uint16_t)draw(0, 9);
-  c.overlap = (uint16_t)draw(0, 2);
+  c.overlap = (uint8_t)draw(0, 2);
   return c;
 }
 
@@ -336,6 +336,7 @@ typedef struct motion { gv_vec3 normal; double depth; } motion;
 // Depth and normal as the engine has them: of the deepest contact.
 static motion contact_motion(const gv_shape *a, const gv_pose *A, const gv_shape *b, const gv_pose *B, gv_pair_cache *cache, gv_distance *out) {
   gv_contact_point p[GV_MAX_PAIR_CONTACTS];
+  cache->inside = 0;  // the nearest side, whichever it came from
   int count = gv_manifold_pair(GV_NARROW_CORE, &(gv_pair){a, A, b, B}, 1, cache, p, out), deepest = 0;
   CHECK(count > 0, "a contact at %g m", out->distance);
   for (int k = 1; k < count; k++)

@@ -1,0 +1,100 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// Thin and heavy: what is dropped on a thin table stays on it, at every rate, with both narrow phases; and a manifold of a
+// body that was pressed into a thin one leads back to the side where it came from.
+#include "support/check.h"
+#include "support/lab.h"
+
+static const double thick = 0.005;  // of the table, m
+
+typedef struct drop { double rate_hz, mass_kg, height_m; gv_vec3 size, turn; gv_narrow narrow; } drop;
+
+// Where the object is after two seconds, and how deep it went.
+static gv_pose run_drop(const drop *d, double *out_depth) {
+  lab l;
+  lab_start(&l);
+  l.cfg.step_s = 1 / d->rate_hz;
+  l.cfg.narrow = d->narrow;
+  lab_box(&l, gv_v3(2, 2, thick), gv_v3(0, 0, -thick / 2), 0, 0.5);
+  const gv_quat q = gv_quat_exp(d->turn);
+  const double reach = gv_norm(d->turn) > 0 ? gv_norm(d->size) / 2 : d->size.z / 2;
+  const int o = lab_box(&l, d->size, gv_v3(0, 0, reach + d->height_m), d->mass_kg, 0.5);
+  l.object[o].T_world_body.q = q;
+  lab_run(&l);
+  lab_steps(&l, (int)(2 * d->rate_hz), NULL);
+  const gv_pose T = gv_engine_object_pose(l.engine, o);
+  *out_depth = gv_engine_counters(l.engine)->depth_max_m;
+  gv_engine_close(l.engine);
+  return T;
+}
+
+// A cube of 6 cm and a sheet of 1 mm, flat and tilted, from grams to 100 kg, up to 2 m high: 6 m/s, 60 mm in a step.
+static void test_what_is_dropped_stays_on_the_table(void) {
+  static const double rates[] = {100, 1000, 4000}, masses[] = {0.001, 0.1, 1.35, 10, 100}, heights[] = {0.01, 0.3, 2};
+  const gv_vec3 sizes[] = {{0.06, 0.06, 0.06}, {0.1, 0.1, 0.001}}, turns[] = {{0, 0, 0}, {0.5, 0.3, 0.2}};
+  double deepest = 0;
+  int dropped = 0;
+  for (int k = 0; k < 3 * 5 * 3 * 2 * 2 * 2; k++) {
+    const drop d = {rates[k % 3], masses[k / 3 % 5], heights[k / 15 % 3], sizes[k / 45 % 2], turns[k / 90 % 2],
+                    k / 180 ? GV_NARROW_LIBCCD : GV_NARROW_CORE};
+    if (d.rate_hz > 2000 && d.narrow == GV_NARROW_LIBCCD) continue;
+    double depth;
+    const gv_pose T = run_drop(&d, &depth);
+    CHECK(T.p.z > 0, "%g Hz, %g kg from %g m, %g mm high, %s: at z = %g", d.rate_hz, d.mass_kg, d.height_m, d.size.z * 1e3,
+          k / 90 % 2 ? "tilted" : "flat", T.p.z);
+    if (d.mass_kg <= 1.35 && d.rate_hz >= 1000) deepest = fmax(deepest, depth);
+    dropped++;
+  }
+  printf("  %d drops, up to 1.35 kg at 1 kHz or more at most %.2f mm deep\n", dropped, deepest * 1e3);
+  CHECK(deepest < 0.007, "%g m deep", deepest);
+}
+
+// A hundred kilograms sink in no deeper than one does.
+static void test_heavy_things_sink_in_as_a_kilogram_does(void) {
+  double one, heavy;
+  const drop d = {1000, 1, 0.5, {0.06, 0.06, 0.06}, {0, 0, 0}, GV_NARROW_CORE};
+  drop h = d;
+  h.mass_kg = 100;
+  run_drop(&d, &one);
+  run_drop(&h, &heavy);
+  CHECK(heavy < 1.1 * one, "%g mm deep, one kilogram %g", heavy * 1e3, one * 1e3);
+}
+
+static gv_contact_point ask(gv_narrow narrow, double z, gv_pair_cache *cache, int *out_count) {
+  static char memory[4000];
+  static gv_hull plate;
+  gv_arena arena;
+  gv_vec3 corner[8];
+  gv_contact_point point[GV_MAX_PAIR_CONTACTS] = {{.depth = 0}};
+  gv_arena_init(&arena, memory, sizeof memory);
+  for (int k = 0; k < 8; k++) corner[k] = gv_v3(k & 1 ? 0.1 : -0.1, k & 2 ? 0.1 : -0.1, k & 4 ? 0.0005 : -0.0005);
+  if (gv_hull_build(&arena, corner, 8, &plate)) abort();
+  const gv_shape limb = gv_shape_capsule(0.015, 0.008), b = gv_shape_hull(&plate);
+  const gv_pose A = {{1, 0, 0, 0}, {0, 0, z}}, B = gv_pose_identity();
+  gv_distance d;
+  *out_count = gv_manifold_pair(narrow, &(gv_pair){&limb, &A, &b, &B}, 0.0005, cache, point, &d);
+  if (*out_count > 0) CHECK_NEAR(point[0].depth, -d.distance, 1e-9);
+  return point[0];
+}
+
+// Pressed from above through a plate of 1 mm, its middle below already: up is where it came from, and as deep as it is.
+static void test_the_side_of_entry_is_kept(void) {
+  for (int narrow = 0; narrow < 2; narrow++) {
+    gv_pair_cache cache = {.corners = 0}, cold = {.corners = 0};
+    int count;
+    for (double z = 0.0086; z > -0.008; z -= 0.0004) {
+      const gv_contact_point p = ask((gv_narrow)narrow, z, &cache, &count);
+      CHECK(count > 0 && p.normal_world.z > 0.999, "at z = %g: %d contacts, normal z %g", z, count, p.normal_world.z);
+      CHECK_NEAR(p.depth, 0.0085 - z, 1e-9);
+    }
+    CHECK(ask((gv_narrow)narrow, -0.006, &cold, &count).normal_world.z < -0.999, "seen for the first time, the nearer side counts");
+    ask((gv_narrow)narrow, -0.1, &cache, &count);  // let go of
+    CHECK(ask((gv_narrow)narrow, -0.006, &cache, &count).normal_world.z < -0.999, "from below, the other side");
+  }
+}
+
+int main(void) {
+  RUN(test_what_is_dropped_stays_on_the_table);
+  RUN(test_heavy_things_sink_in_as_a_kilogram_does);
+  RUN(test_the_side_of_entry_is_kept);
+  return check_done();
+}
