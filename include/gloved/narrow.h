@@ -35,6 +35,7 @@ typedef struct gv_pair_cache {
   uint8_t overlap;        // 1: the cores overlapped, the corners are those of the side
   uint8_t inside;         // 1: the surfaces overlapped along normal_world when a manifold was asked for
   uint16_t operations;    // of the last answer, for the next step's budget; 0: none yet
+  uint8_t high_first;     // 1: A was the piece of the higher number (collision/broad.c)
   float urgency_m;        // the last answer's depth, and what may have come since (collision/queue.c)
 } gv_pair_cache;
 

@@ -213,6 +213,8 @@ void gv_broad_list_hand(gv_broad *broad) {
 
 static void list_pieces(gv_broad *broad, int a, int i, int b, int j) {
   gv_pair_cache *cache = piece_cache(broad, i, j);
+  if (cache->high_first != (i > j)) cache->inside = 0;  // one of them has come to rest: the normal turns round
+  cache->high_first = i > j;
   list_pair(broad, (gv_candidate){cache, (uint16_t)i, (uint16_t)j, (uint8_t)(GV_LIMBS + a), (uint8_t)(GV_LIMBS + b)});
 }
 

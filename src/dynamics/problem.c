@@ -8,25 +8,27 @@
 // A limb that finds itself deep inside an object is let out gently, not shot.
 static const double most_correcting_m_s = 0.25;
 
-// Normal velocity that an implicit spring of k = erp / (h cfm) asks for, and its compliance. A gap may close within this
-// step, not more. A penetration leaves by the share ERP of itself, f = (erp depth / h - u) / cfm; where that is faster than a
-// deep limb may come out, the damping grows with the depth and the spring stays: f = (most - u) erp depth / (h most cfm).
-static void set_spring(gv_problem_contact *out, const gv_config *cfg, double depth) {
-  const double h = cfg->step_s, wanted = depth < 0.0 ? depth / h : cfg->contact_erp * depth / h;
-  out->target_velocity = fmin(wanted, most_correcting_m_s);
-  out->normal_compliance = cfg->contact_cfm / h;
-  if (wanted > most_correcting_m_s) out->normal_compliance *= most_correcting_m_s / wanted;
-}
-
-// The softness is one for hands and what they lift. Of two bodies that are heavier it is less in proportion, so that
-// they sink in no deeper than a kilogram would: an anvil that is dropped does not go through the table.
+// The damping of a contact, 1 / c, is one for hands and what they lift. Between bodies heavier than a kilogram it is more, so
+// that an anvil that is dropped does not go through the table; the spring, target / c, stays. Twenty times as much
+// is the most, so that a ton still settles within a second.
 static double share_of_softness(const gv_problem *problem, const gv_dynamics_contact *c) {
-  const double one_kg = 1.0;
+  const double one_kg = 1.0, least = 0.05;
   const double mass_a = problem->body[c->body_a].mass;
   const double mass_b = problem->body[c->body_b].mass;  // 0: static
   if (mass_a <= one_kg || (mass_b > 0.0 && mass_b <= one_kg)) return 1.0;
   const double inverse = 1.0 / mass_a + (mass_b > 0.0 ? 1.0 / mass_b : 0.0);
-  return fmin(1.0, one_kg * inverse);
+  return gv_clamp(one_kg * inverse, least, 1.0);
+}
+
+// Normal velocity that an implicit spring of k = erp / (h cfm) asks for, and its compliance. A gap may close within this
+// step, not more. A penetration leaves by the share ERP of itself, f = (erp depth / h - u) / cfm; where that is faster than a
+// deep limb may come out, the damping grows with the depth and the spring stays: f = (most - u) erp depth / (h most cfm).
+// softness: at most 1; less of it is more damping.
+static void set_spring(gv_problem_contact *out, const gv_config *cfg, double depth, double softness) {
+  const double h = cfg->step_s, wanted = depth < 0.0 ? depth / h : cfg->contact_erp * depth / h;
+  if (wanted * softness > most_correcting_m_s) softness = most_correcting_m_s / wanted;
+  out->target_velocity = wanted > 0.0 ? softness * wanted : wanted;
+  out->normal_compliance = softness * cfg->contact_cfm / h;
 }
 
 static bool is_sound(const gv_dynamics_contact *c) {
@@ -43,8 +45,7 @@ static void set_contact(gv_problem_contact *out, const gv_config *cfg, const gv_
   out->frame[0] = c->normal;
   out->frame[1] = c->friction_dir;
   out->frame[2] = gv_cross(c->normal, c->friction_dir);
-  set_spring(out, cfg, c->depth);
-  out->normal_compliance *= softness;
+  set_spring(out, cfg, c->depth, softness);
   out->tangent_compliance = cfg->world_cfm / cfg->step_s;
   out->friction = c->friction;
   out->mu = coulomb ? c->mu : 0.0;
