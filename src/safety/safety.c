@@ -97,7 +97,9 @@ const char *gv_safety_name(gv_safety_state state) {
 
 const char *gv_fault_text(uint32_t faults) {
   static const char *const text[] = {"glove data too old", "tracker data too old", "too many bad or lost frames",
-                                     "a number was not finite", "the step overran repeatedly", "the device reports a fault"};
+                                     "a number was not finite", "the step overran repeatedly", "the device reports a fault",
+                                     "the device's status too old", "the glove reports a sensor fault",
+                                     "the glove is for the other hand", "the tracker reports an error"};
   for (size_t i = 0; i < sizeof text / sizeof *text; i++)
     if (faults >> i & 1) return text[i];
   return "none";

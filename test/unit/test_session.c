@@ -473,6 +473,10 @@ static void test_a_device_in_doubt_ends_the_force_at_once(void) {
   }
 }
 
+static void test_every_fault_has_its_words(void) {
+  for (uint32_t bit = 1; bit <= GV_FAULT_TRACKER; bit <<= 1) CHECK(strcmp(gv_fault_text(bit), "none") != 0, "fault %x", bit);
+}
+
 static void test_an_open_switch_counts_in_any_sound_frame(void) {
   press_until_force();
   step_one(glove(1.05, GV_GLOVE_SENSOR_FAULT | GV_GLOVE_DEAD_MAN, 0));
@@ -626,6 +630,7 @@ int main(void) {
   RUN(test_a_status_that_is_only_broken_ends_the_force);
   RUN(test_the_age_allowed_follows_the_rate_of_the_source);
   RUN(test_a_device_in_doubt_ends_the_force_at_once);
+  RUN(test_every_fault_has_its_words);
   RUN(test_an_open_switch_counts_in_any_sound_frame);
   RUN(test_a_late_wake_up_never_steepens_the_rise);
   RUN(test_device_fault_ends_the_force);

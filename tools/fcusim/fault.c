@@ -5,8 +5,10 @@
 #include <stdlib.h>
 #include <string.h>
 
-static const char *const name[] = {"none", "silence", "loss", "corrupt", "frozen-tracker", "frozen-glove", "equal-glove", "clock"};
-const char fault_kinds[] = "silence, loss, corrupt, frozen-tracker, frozen-glove, equal-glove or clock";
+static const char *const name[] = {"none", "silence", "loss", "corrupt", "frozen-tracker", "frozen-glove", "equal-glove", "clock",
+                                   "no-status", "bad-status", "sensor-fault", "other-hand", "tracker-error"};
+const char fault_kinds[] = "silence, loss, corrupt, frozen-tracker, frozen-glove, equal-glove, clock, no-status, bad-status, "
+                           "sensor-fault, other-hand or tracker-error";
 static const double share = 0.3, clock_back_s = 0.2;
 enum { HAND = 2, CLOCK_JUMP_US = 900000000 };
 
@@ -73,6 +75,20 @@ static void set_clock(const fault *f, gv_frame *frame) {
   }
 }
 
+// What the frames say of themselves.
+static void raise_flags(const fault *f, gv_frame *frame) {
+  gv_glove_msg glove;
+  gv_pose_msg pose;
+  if (!f->active) return;
+  if (f->kind != FAULT_TRACKER && gv_fcu_unpack_glove(frame, &glove) == GV_FCU_OK) {
+    glove.flags ^= f->kind == FAULT_SENSOR ? GV_GLOVE_SENSOR_FAULT : GV_GLOVE_LEFT;
+    gv_fcu_pack_glove(&glove, frame);
+  } else if (f->kind == FAULT_TRACKER && gv_fcu_unpack_pose(frame, &pose) == GV_FCU_OK && pose.receiver == HAND) {
+    pose.flags |= GV_POSE_TRACKER_ERROR;
+    gv_fcu_pack_pose(&pose, frame);
+  }
+}
+
 // False: the frame is lost.
 static bool pass(fault *f, gv_frame *frame) {
   switch (f->kind) {
@@ -88,6 +104,13 @@ static bool pass(fault *f, gv_frame *frame) {
     case FAULT_FROZEN_GLOVE:
     case FAULT_EQUAL_GLOVE: freeze_glove(f, frame); break;
     case FAULT_CLOCK: set_clock(f, frame); break;
+    case FAULT_NO_STATUS: return !f->active || frame->id != GV_ID_STATUS;
+    case FAULT_BAD_STATUS:
+      if (f->active && frame->id == GV_ID_STATUS) frame->data[9] ^= 1;
+      break;
+    case FAULT_SENSOR:
+    case FAULT_OTHER_HAND:
+    case FAULT_TRACKER: raise_flags(f, frame); break;
     case FAULT_NONE: break;
   }
   return true;

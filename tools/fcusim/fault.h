@@ -14,7 +14,12 @@ typedef enum fault_kind {
   FAULT_FROZEN_TRACKER, // POSE frames keep coming, with counter and checksum, but with one measurement and stamp
   FAULT_FROZEN_GLOVE,   // GLOVE frames likewise
   FAULT_EQUAL_GLOVE,    // GLOVE frames with stamps that go on but always the same angles: a hand held still looks so
-  FAULT_CLOCK           // the device's clock jumps a quarter of an hour ahead, and back after 0.2 s
+  FAULT_CLOCK,          // the device's clock jumps a quarter of an hour ahead, and back after 0.2 s
+  FAULT_NO_STATUS,      // STATUS frames do not come any more
+  FAULT_BAD_STATUS,     // every STATUS frame has a wrong bit
+  FAULT_SENSOR,         // GLOVE frames say that a sensor does not answer
+  FAULT_OTHER_HAND,     // GLOVE frames come from a glove for the other hand
+  FAULT_TRACKER         // POSE frames of the hand say that the tracker has an error
 } fault_kind;
 
 typedef struct fault {
