@@ -136,6 +136,24 @@ static void test_every_fault_stops_the_force(void) {
   }
 }
 
+// At 100 Hz ten periods fit into the window: a limit of 20 would never be passed.
+static void test_repeated_overruns_at_low_rates(void) {
+  static const double rate_hz[] = {100, 200, 500, 1000, 4000};
+  for (size_t r = 0; r < sizeof rate_hz / sizeof *rate_hz; r++) {
+    gv_safety s;
+    const gv_safety_config cfg = gv_safety_config_default();
+    gv_safety_input in = {.glove_seen = true, .tracker_seen = true, .finite = true};
+    gv_safety_init(&s, &cfg);
+    for (int i = 0; i < 5; i++) gv_safety_step(&s, &in, 1.0 / rate_hz[r]);
+    in.dead_man = true;
+    gv_safety_step(&s, &in, 1.0 / rate_hz[r]);
+    in.overruns = 1;
+    double passed_s = 0.0;
+    while (gv_safety_step(&s, &in, 1.0 / rate_hz[r]) != GV_SAFETY_FAULT && passed_s < 1.0) passed_s += 1.0 / rate_hz[r];
+    CHECK(passed_s < 0.15 && s.faults == GV_FAULT_OVERRUN, "%g Hz: every period late, no fault after %g s", rate_hz[r], passed_s);
+  }
+}
+
 static void test_stop_is_final(void) {
   machine m = active_machine();
   m.in.stop = true;
@@ -199,6 +217,7 @@ int main(void) {
   RUN(test_the_way_up);
   RUN(test_a_switch_held_at_start_does_not_arm);
   RUN(test_every_fault_stops_the_force);
+  RUN(test_repeated_overruns_at_low_rates);
   RUN(test_stop_is_final);
   RUN(test_tendon_map_inverts_a_tension);
   RUN(test_a_fingertip_force_is_felt);

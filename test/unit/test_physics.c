@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // The engine's physics against what is known: free fall, weight, Coulomb's limit, Newton's third law, Hooke's
 // law at rest, the second law of thermodynamics.
+#include "engine/engine_state.h"
 #include "support/check.h"
 #include "support/lab.h"
 
@@ -410,6 +411,34 @@ static void test_what_runs_away_is_put_back(void) {
   }
 }
 
+// Without any coupling nothing but the rule brings a limb back: to its driver, at rest.
+static void test_limb_that_runs_away_is_put_back(void) {
+  static const struct { gv_vec3 p, v, w; int resets; } away[] = {
+    {{101, 0, 0}, {0, 0, 0}, {0, 0, 0}, 1}, {{99, 0, 0}, {0, 0, 0}, {0, 0, 0}, 0}, {{0, 0, 1}, {0, 501, 0}, {0, 0, 0}, 1},
+    {{0, 0, 1}, {0, 499, 0}, {0, 0, 0}, 0}, {{0, 0, 1}, {0, 0, 0}, {0, 1.1e5, 0}, 1}, {{0, 0, 1}, {0, 0, 0}, {0, 0.9e5, 0}, 0}};
+  static const double flat[GV_SENSORS];
+  for (size_t i = 0; i < sizeof away / sizeof *away; i++) {
+    lab l;
+    lab_start(&l);
+    l.cfg.limb = (gv_coupling){0, 0, 0, 0};
+    lab_run(&l);
+    const gv_sample hand = lab_hand(&l, flat, gv_pose_identity());
+    lab_steps(&l, 5, &hand);
+    const int limb = GV_LIMB_INDEX + 1;
+    const gv_body_state state = {.T = {gv_quat_identity(), away[i].p}, .v = away[i].v, .w = away[i].w};
+    gv_dynamics_set_state(l.engine->dyn, limb, &state);
+    lab_steps(&l, 1, NULL);
+    CHECK((int)gv_engine_counters(l.engine)->body_resets == away[i].resets, "case %zu: %d resets", i, (int)gv_engine_counters(l.engine)->body_resets);
+    if (away[i].resets) {
+      gv_vec3 v, w;
+      const gv_pose T = gv_engine_limb_pose(l.engine, limb), T_driver = gv_engine_driver_pose(l.engine, limb);
+      gv_engine_limb_velocity(l.engine, limb, &v, &w);
+      CHECK(gv_norm(gv_sub(T.p, T_driver.p)) == 0.0 && gv_norm(v) == 0.0 && gv_norm(w) == 0.0, "case %zu: at rest on its driver", i);
+    }
+    gv_engine_close(l.engine);
+  }
+}
+
 static void test_arena_one_byte_too_small(void) {
   lab l;
   lab_start(&l);
@@ -487,6 +516,7 @@ int main(void) {
   RUN(test_objects_at_rest);
   RUN(test_support_pulled_away);
   RUN(test_what_runs_away_is_put_back);
+  RUN(test_limb_that_runs_away_is_put_back);
   RUN(test_arena_one_byte_too_small);
   RUN(test_same_bits_twice);
   RUN(test_reset_is_a_fresh_start);

@@ -652,6 +652,56 @@ static void test_udp_foreign_broken_and_lost(void) {
   a.close(a.self);
 }
 
+// Sequence 0 is a new start where more than 16 are missing before it, else a gap over the wrap; up to 16 behind is
+// doubled or swapped, more is a new start.
+static void test_udp_restart_gap(void) {
+  gv_driver a, b;
+  if (!open_pair(&a, &b)) return;
+  b.close(b.self);
+  const int peer = raw_socket(port_b, port_a);
+  static const struct { int seq; unsigned lost; } t[] = {
+    {238, 0}, {0, 0},              // 17 missing: anew
+    {239, 0}, {0, 16},             // 18 behind: anew; 16 missing: lost
+    {241, 16}, {1, 16}, {2, 16},   // 16 behind: swapped, and the count goes on where it was
+    {242, 16}, {243, 16}};         // 17 behind: anew
+  gv_frame f[4];
+  int64_t sent_ns = now();
+  bool stalled = false;
+  for (size_t i = 0; i < sizeof t / sizeof *t && !stalled; i++) {
+    send_seq(peer, t[i].seq);
+    stalled = now() - sent_ns > 200000000;
+    sent_ns = now();
+    CHECK(poll_all(&a, f, 1) == 1, "sequence %d", t[i].seq);
+    const unsigned lost = (unsigned)a.stats(a.self).lost;
+    CHECK(stalled || lost == t[i].lost, "%zu: after %d: lost %u, not %u", i, t[i].seq, lost, t[i].lost);
+  }
+  if (stalled) SKIP("this machine stood still for 0.2 s");
+  close(peer);
+  a.close(a.self);
+}
+
+// A classic command has 4 bits of counter: joined, it counts modulo 256 as it was sent, over gaps of up to 8; what lies
+// behind stays behind.
+static void test_classic_counter_wraps(void) {
+  gv_classic_join join = {.number = 0};
+  int counter = 0;
+  for (int i = 0; i < 600; i++) {
+    counter += i == 0 ? 0 : 1 + i % 8;
+    gv_command_msg command = {.counter = (uint8_t)counter, .flags = GV_COMMAND_ENABLE}, back;
+    gv_frame fd, part[GV_CLASSIC_FRAMES], whole;
+    gv_fcu_pack_command(&command, &fd);
+    CHECK(gv_classic_split(&fd, part) == 1 && gv_classic_take(&join, &part[0], &whole) == 1, "command %d", i);
+    CHECK(gv_fcu_unpack_command(&whole, &back) == GV_FCU_OK && back.counter == (uint8_t)counter, "%u, not %u", back.counter, (uint8_t)counter);
+    for (int behind = 0; behind < 8 && counter >= 8; behind++) {
+      command.counter = (uint8_t)(counter - behind);
+      gv_fcu_pack_command(&command, &fd);
+      gv_classic_split(&fd, part);
+      gv_classic_take(&join, &part[0], &whole);
+      CHECK(gv_fcu_unpack_command(&whole, &back) == GV_FCU_OK && back.counter == (uint8_t)(counter - behind), "%d behind", behind);
+    }
+  }
+}
+
 static void test_udp_over_ipv6(void) {
   gv_driver a, b;
   char url[100], err[300];
@@ -704,6 +754,8 @@ int main(void) {
   RUN(test_classic_messages_cut_by_a_stall_are_joined);
   RUN(test_udp_jumbo_datagrams);
   RUN(test_udp_foreign_broken_and_lost);
+  RUN(test_udp_restart_gap);
+  RUN(test_classic_counter_wraps);
   RUN(test_udp_over_ipv6);
   RUN(test_udp_urls);
   return check_done();
