@@ -6,6 +6,7 @@
 #include <errno.h>
 #include <netdb.h>
 #include <netinet/in.h>
+#include <stdatomic.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -40,6 +41,11 @@ typedef struct udp {
   uint8_t send_seq, next_seq;   // next_seq: expected from the peer
   bool heard;
   int64_t last_ns;              // stamp of the newest datagram of the peer
+  // For the user, between the threads: bits of what went wrong, and from where foreign datagrams come (IPv4 address and
+  // port; 0: IPv6). What was told is the asking thread's.
+  atomic_uint trouble;
+  _Atomic uint64_t foreign_from;
+  unsigned told;
   // Frames of one datagram that the caller had no room for yet.
   gv_frame pending[GV_CANNELLONI_TAKEN_FRAMES];
   int pending_count, pending_next;
@@ -55,6 +61,17 @@ typedef struct udp {
   uint8_t out[GV_CANNELLONI_MAX_BYTES];
   gv_frame split[GV_CANNELLONI_MAX_FRAMES];
 } udp;
+
+enum { TROUBLE_FOREIGN = 1, TROUBLE_BAD = 2, TROUBLE_LARGE = 4 };
+
+static void note_trouble(udp *u, unsigned bit) { atomic_fetch_or_explicit(&u->trouble, bit, memory_order_relaxed); }
+
+static void note_foreign(udp *u, const address *from) {
+  const uint64_t v4 = (uint64_t)ntohl(from->v4.sin_addr.s_addr) << 16 | ntohs(from->v4.sin_port);
+  u->stats.foreign++;
+  atomic_store_explicit(&u->foreign_from, from->any.sa_family == AF_INET ? v4 : 0, memory_order_relaxed);
+  note_trouble(u, TROUBLE_FOREIGN);
+}
 
 static bool same_address(const address *a, const address *b) {
   if (a->any.sa_family != b->any.sa_family) return false;
@@ -92,7 +109,7 @@ static void take_datagram(udp *u, int64_t now_ns) {
   int i = u->batch_next++;
   uint8_t seq;
   if (!same_address(&u->source[i], &u->peer)) {
-    u->stats.foreign++;
+    note_foreign(u, &u->source[i]);
     return;
   }
   bool whole = !(u->message[i].msg_hdr.msg_flags & MSG_TRUNC);
@@ -100,6 +117,7 @@ static void take_datagram(udp *u, int64_t now_ns) {
   int count = gv_cannelloni_unpack(u->bytes[i], size, &seq, u->pending, GV_CANNELLONI_TAKEN_FRAMES);
   if (count < 0) {
     u->stats.bad++;
+    note_trouble(u, whole ? TROUBLE_BAD : TROUBLE_LARGE);
     return;
   }
   int64_t stamp = gv_receive_stamp(&u->message[i].msg_hdr, u->last_ns, now_ns);
@@ -176,6 +194,25 @@ static bool udp_ended(void *self) {
 }
 static int udp_descriptor(void *self) { return ((udp *)self)->fd; }
 static gv_driver_stats udp_stats(void *self) { return ((udp *)self)->stats; }
+// Each kind of trouble once.
+static bool tell_udp(void *self, int64_t now_ns, char *out, size_t size) {
+  udp *u = self;
+  (void)now_ns;
+  const unsigned news = atomic_load_explicit(&u->trouble, memory_order_relaxed) & ~u->told, bit = news & (~news + 1);
+  const uint64_t from = atomic_load_explicit(&u->foreign_from, memory_order_relaxed);
+  u->told |= bit;
+  switch (bit) {
+    case TROUBLE_FOREIGN:
+      if (from) snprintf(out, size, "udp: datagrams come from %d.%d.%d.%d:%d, which is not the HOST:PORT given, and are not used; give that one, or start its cannelloni with -l PORT",
+                         (int)(from >> 40 & 255), (int)(from >> 32 & 255), (int)(from >> 24 & 255), (int)(from >> 16 & 255), (int)(from & 65535));
+      else snprintf(out, size, "udp: datagrams come from another address than the HOST:PORT given, and are not used; see where with tcpdump");
+      return true;
+    case TROUBLE_BAD: snprintf(out, size, "udp: datagrams come that are no cannelloni version 2 (UDP); start that version, without -S or -C"); return true;
+    case TROUBLE_LARGE: snprintf(out, size, "udp: datagrams of more than %d bytes come and are not used; start cannelloni with -m 9000 or less", (int)GV_CANNELLONI_TAKEN_BYTES); return true;
+    default: return false;
+  }
+}
+
 static void close_udp(void *self) {
   udp *u = self;
   if (u->fd >= 0) close(u->fd);
@@ -297,7 +334,7 @@ int gv_udp_open(const char *url, gv_driver *out, char *err, size_t err_size) {
              url, parts.listen, strerror(errno));
   else {
     *out = (gv_driver){.self = u, .poll = poll_udp, .send = send_udp, .ended = udp_ended, .stats = udp_stats,
-                       .close = close_udp, .descriptor = udp_descriptor, .calls = GV_CALLS_SOCKET};
+                       .close = close_udp, .descriptor = udp_descriptor, .tell = tell_udp, .calls = GV_CALLS_SOCKET};
     return 0;
   }
   close_udp(u);

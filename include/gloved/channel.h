@@ -21,22 +21,24 @@ typedef struct gv_channel {
   double pretension_n;       // pull at rest, so that no tendon hangs slack; 0: none
   double slew_n_per_s;       // fastest rise it is sent
   int counts;                // its number for max_n
+  int fingers;               // that it can hold, from the thumb on; the others get no force
 } gv_channel;
 
 typedef enum gv_channel_name {
   GV_CHANNEL_CYBERGRASP,     // five tensions of 12 N, as our frames carry them; the default
-  GV_CHANNEL_SENSEGLOVE_R1,  // millinewtons, 800 at rest, about 3500 active; no driver yet
+  GV_CHANNEL_SENSEGLOVE_R1,  // four motors, no little finger: millinewtons, 800 at rest, about 3500 active; no driver
   GV_CHANNEL_LUCIDGLOVE,     // five brakes 0..1000
   GV_CHANNELS
 } gv_channel_name;
 
-// The five channels of a device are alike. Null beyond the table.
+// The channels of a device are alike. Null beyond the table.
 const gv_channel *gv_channel_of(gv_channel_name name);
 // The device's number for a tension, 0..counts; what is not finite or below 0 is 0.
 int gv_channel_counts(const gv_channel *channel, double tension_n);
 // The tension that a number stands for, for simulated devices and displays; clamped to 0..max_n.
 double gv_channel_tension_n(const gv_channel *channel, int counts);
-// Makes a limiter's configuration fit the channel: no higher maximum, no faster rise, no less pretension. Returns
+// Makes a limiter's configuration fit the channel: no higher maximum (0 for fingers it lacks), no faster rise, no less
+// pretension. Returns
 // whether it changed anything.
 bool gv_channel_limit(const gv_channel *channel, gv_limiter_config *cfg);
 

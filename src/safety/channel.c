@@ -7,9 +7,9 @@
 // Sources: DESIGN.md, "Forces". How much tension a full brake of a LucidGlove holds is not measured anywhere (it
 // depends on servo and spool): it is laid on the limiter's full range.
 static const gv_channel table[GV_CHANNELS] = {
-  [GV_CHANNEL_CYBERGRASP] = {"CyberGrasp", "0.003 N", GV_CHANNEL_TENSION, 12.0, 0.0, 400.0, 4000},
-  [GV_CHANNEL_SENSEGLOVE_R1] = {"SenseGlove R1", "mN", GV_CHANNEL_TENSION, 3.5, 0.8, 400.0, 3500},
-  [GV_CHANNEL_LUCIDGLOVE] = {"LucidGlove", "1/1000 of the brake", GV_CHANNEL_BRAKE, 12.0, 0.0, 400.0, 1000},
+  [GV_CHANNEL_CYBERGRASP] = {"CyberGrasp", "0.003 N", GV_CHANNEL_TENSION, 12.0, 0.0, 400.0, 4000, 5},
+  [GV_CHANNEL_SENSEGLOVE_R1] = {"SenseGlove R1", "mN", GV_CHANNEL_TENSION, 3.5, 0.8, 400.0, 3500, 4},
+  [GV_CHANNEL_LUCIDGLOVE] = {"LucidGlove", "1/1000 of the brake", GV_CHANNEL_BRAKE, 12.0, 0.0, 400.0, 1000, 5},
 };
 
 const gv_channel *gv_channel_of(gv_channel_name name) {
@@ -34,7 +34,7 @@ static bool lower(double *value, double limit) {
 
 bool gv_channel_limit(const gv_channel *c, gv_limiter_config *cfg) {
   bool changed = lower(&cfg->max_n, c->max_n);
-  for (int i = 0; i < GV_FINGERS; i++) changed |= lower(&cfg->finger_max_n[i], c->max_n);
+  for (int i = 0; i < GV_FINGERS; i++) changed |= lower(&cfg->finger_max_n[i], i < c->fingers ? c->max_n : 0.0);
   changed |= lower(&cfg->slew_n_per_s, c->slew_n_per_s);
   if (cfg->pretension_n >= c->pretension_n) return changed;
   cfg->pretension_n = c->pretension_n;

@@ -92,6 +92,11 @@ await 'wait -> ready' 0.5; for _ in 1 2 3; do cansend vcan0 20000004#00000000000
 kill -STOP $engine; cangen vcan0 -I 110 -L 48 -f -g 0 -n 3000; sleep 1.2; kill -CONT $engine; await 'too old\|overran' 0.2
 stop
 
+# The reference gateway on CAN: its hand bends a finger onto the table.
+engine gateway --fcu can:vcan0 --duration 4
+"$B/gateway" --can vcan0 --duration 6 >$log/gateway.said 2>&1
+wait $engine; echo $? >$log/gateway.code
+
 # Through a real cannelloni, where there is one: fcusim on the bus, gloved behind UDP; the second time the bridge stands
 # still for 20 ms ten times while a force flows, and so sends what it kept in an order of its own.
 bridge() {

@@ -171,6 +171,14 @@ def test_cannelloni_in_between():
     return f"{run['frames']['rx']} frames in, {judge['commands']} commands through, largest force {max(run['force_max_n']):.2f} N"
 
 
+def test_reference_gateway():
+    run, said = summary("gateway"), text("gateway.said")
+    largest = float(said.split("largest tension ")[1].split()[0])
+    assert run["frames"]["bad"] == 0 and run["frames"]["rx"] > 500, run["frames"]
+    assert max(run["force_max_n"]) > 0.1 and abs(largest - max(run["force_max_n"])) < 0.1 and said.rstrip().endswith("free"), (run["force_max_n"], said)
+    return said.strip()
+
+
 def need_cannelloni(name):
     if not os.path.exists(os.path.join(FOLDER, name + ".json")):
         raise Skip("no cannelloni")

@@ -236,15 +236,17 @@ static void test_channels(void) {
 static void test_limiter_fits_the_channel(void) {
   const gv_channel *sense = gv_channel_of(GV_CHANNEL_SENSEGLOVE_R1);
   gv_limiter_config cfg = gv_limiter_config_default();
+  gv_limiter_config four = cfg;
+  CHECK(gv_channel_limit(sense, &four) && four.finger_max_n[3] == 3.5 && four.finger_max_n[4] == 0.0, "no motor at the little finger");
   CHECK(!gv_channel_limit(gv_channel_of(GV_CHANNEL_CYBERGRASP), &cfg) && !gv_channel_limit(gv_channel_of(GV_CHANNEL_LUCIDGLOVE), &cfg), "the defaults fit");
   cfg.finger_max_n[2] = 1.0;
   CHECK(gv_channel_limit(sense, &cfg) && cfg.max_n == 3.5 && cfg.finger_max_n[2] == 1.0 && cfg.finger_max_n[0] == 3.5 && cfg.pretension_n == 0.8, "limited");
   CHECK(!gv_channel_limit(sense, &cfg), "once is enough");
   gv_limiter limiter;
-  double want[GV_FINGERS] = {100, 100, 100, 100, 0}, out[GV_FINGERS];
+  double want[GV_FINGERS] = {100, 100, 100, 0, 100}, out[GV_FINGERS];
   gv_limiter_init(&limiter, &cfg);
   for (int i = 0; i < 200; i++) gv_limiter_step(&limiter, want, true, 0, 0.001, out);
-  CHECK(out[0] == 3.5 && out[2] == 1.0 && out[4] == 0.8, "%g %g %g", out[0], out[2], out[4]);
+  CHECK(out[0] == 3.5 && out[2] == 1.0 && out[3] == 0.8 && out[4] == 0.0, "%g %g %g %g", out[0], out[2], out[3], out[4]);
 }
 
 int main(void) {

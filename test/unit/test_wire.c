@@ -525,6 +525,12 @@ static int raw_socket(int from, int to) {
   CHECK(connect(fd, (const struct sockaddr *)&s, sizeof s) == 0, "port %d", to);
   return fd;
 }
+static uint16_t raw_port(int fd) {
+  struct sockaddr_in s;
+  socklen_t size = sizeof s;
+  CHECK(getsockname(fd, (struct sockaddr *)&s, &size) == 0, "name");
+  return ntohs(s.sin_port);
+}
 static void send_seq(int fd, int seq) {
   const uint8_t datagram[] = {2, 0, (uint8_t)seq, 0, 1, 0, 0, 1, 0x23, 0};
   CHECK(send(fd, datagram, sizeof datagram, 0) == sizeof datagram, "sequence %d", seq);
@@ -647,6 +653,11 @@ static void test_udp_foreign_broken_and_lost(void) {
   for (int i = 0; i < 200; i++) send_seq(other, i);
   CHECK(a.poll(a.self, now(), f, 300) == 0 && a.stats(a.self).foreign <= 65,
         "one poll reads a bounded number of datagrams");
+  char told[3][400], from[40];
+  snprintf(from, sizeof from, "127.0.0.1:%d", (int)raw_port(other));
+  for (int i = 0; i < 3; i++) CHECK(a.tell(a.self, now(), told[i], sizeof told[i]), "trouble %d is not told", i);
+  CHECK(strstr(told[0], from) && strstr(told[1], "version 2") && strstr(told[2], "-m 9000"), "%s | %s | %s", told[0], told[1], told[2]);
+  CHECK(!a.tell(a.self, now(), told[0], sizeof told[0]), "told twice: %s", told[0]);
   close(peer);
   close(other);
   a.close(a.self);
