@@ -259,7 +259,7 @@ static void run_type(int type) {
          w.poses, w.apart, w.overlap, w.normal, w.misses, w.not_finite, w.iterations, w.sweeps);
   if (asked == GV_NARROW_LIBCCD) printf("  %-18s %.2f %% of the overlapping deeper than 0.01 mm above the least; %.1e m with a wrong cache\n", "",
                                            100.0 * w.too_deep / fmax(1, w.overlapping), w.wrong_cache);
-  CHECK(100.0 * w.too_deep <= limits_of[asked].too_deep_percent * w.overlapping || only >= 0, "%d of %d overlapping too deep", w.too_deep, w.overlapping);
+  CHECK(100.0 * w.too_deep <= limits_of[asked].too_deep_percent * w.overlapping || w.overlapping < 1500, "%d of %d overlapping too deep", w.too_deep, w.overlapping);
 }
 
 static void test_accuracy_of_pairs(void) {
