@@ -2,14 +2,14 @@
 // Narrow phase: signed distance of two convex shapes and their contact manifold (section C of the
 // paper, Eqn 5 to 8: collision and penetration on the configuration space obstacle A - B).
 //
-// There are two: `core`, ours, and `libccd`, the package's primitives in the same frame (src/collision/libccd.c). While
-// the cores are apart the GJK distance of the cores less the radii is the answer, exact to rounding. When the cores
-// overlap, `core` searches with an expanding polytope in fixed memory; where that fails its own checks, the least of the
-// face directions bounds it. `libccd` asks MPR for a direction and moves the shapes apart along it until their distance
-// gives the depth. Nothing here allocates, loops without a bound, or returns a not-a-number for finite input.
-// Only nearly concentric balls of hundreds of vertices reach the bound of `core`: every direction is then about as
-// good, and the answer, a true h of a true side, can be above the least.
-// Pure; any thread.
+// There are two: `core`, ours, and `libccd`, the package's primitives in the same frame
+// (src/collision/libccd.c). While the cores are apart the GJK distance of the cores less the radii is the
+// answer, exact to rounding. When the cores overlap, `core` searches with an expanding polytope in fixed
+// memory; where that fails its own checks, the least of the face directions bounds it. `libccd` asks MPR for
+// a direction and moves the shapes apart along it until their distance gives the depth. Nothing here
+// allocates, loops without a bound, or returns a not-a-number for finite input. Only nearly concentric balls
+// of hundreds of vertices reach the bound of `core`: every direction is then about as good, and the answer, a
+// true h of a true side, can be above the least. Pure; any thread.
 #ifndef GLOVED_NARROW_H
 #define GLOVED_NARROW_H
 
@@ -39,8 +39,8 @@ typedef struct gv_pair_cache {
   float urgency_m;        // the last answer's depth, and what may have come since (collision/queue.c)
 } gv_pair_cache;
 
-// How the distance was found. shift: libccd's way to a depth. side: along the last normal, of a manifold whose nearer side
-// is the opposite one. beyond: farther apart than was asked for.
+// How the distance was found. shift: libccd's way to a depth. side: along the last normal, of a manifold
+// whose nearer side is the opposite one. beyond: farther apart than was asked for.
 typedef enum gv_distance_method {
   GV_DISTANCE_GJK, GV_DISTANCE_EPA, GV_DISTANCE_FACES, GV_DISTANCE_SHIFT, GV_DISTANCE_SIDE, GV_DISTANCE_BEYOND
 } gv_distance_method;
@@ -69,11 +69,11 @@ typedef struct gv_pair {
 
 // Signed distance of A and B. Where it is larger than `max_distance` (metres, >= 0) the search may stop
 // early: method GV_DISTANCE_BEYOND, distance a lower bound above max_distance, and normal, points not set.
-// core: within 1e-8 m of exact (`make bench-accuracy`; DESIGN.md). libccd: within 1e-8 m where the cores are apart; its
-// depth is that of a local minimum, which a warm cache follows; from a cold one it can be millimetres above the least.
-// Cost: apart 0.15 to 0.2 us with a warm cache, 0.4 us (segment-box) to 3 us (two hulls of 1000 vertices) with a cold
-// one; overlapping 0.2 to 6 us, 0.1 ms at worst (0.3 ms for the balls above); 25 ns where the last normal shows that
-// they are far apart.
+// core: within 1e-8 m of exact (`make bench-accuracy`; DESIGN.md). libccd: within 1e-8 m where the cores are
+// apart; its depth is that of a local minimum, which a warm cache follows; from a cold one it can be
+// millimetres above the least. Cost: apart 0.15 to 0.2 us with a warm cache, 0.4 us (segment-box) to 3 us
+// (two hulls of 1000 vertices) with a cold one; overlapping 0.2 to 6 us, 0.1 ms at worst (0.3 ms for the
+// balls above); 25 ns where the last normal shows that they are far apart.
 void gv_distance_pair(gv_narrow narrow, const gv_pair *pair, double max_distance, gv_pair_cache *cache,
                       gv_distance *out);
 

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// Broad phase. One box in the world for each limb and object that moves; where those meet, the box of the limb or piece is
-// turned into the other object's frame and asked against the boxes of its pieces there, which never change. Everything
-// is in a fixed order, so that contacts and with them the solver's rows are too.
-// Cost: 60 instructions a pair of boxes in the world, 10 a piece. Real-time thread.
+// Broad phase. One box in the world for each limb and object that moves; where those meet, the box of the
+// limb or piece is turned into the other object's frame and asked against the boxes of its pieces there,
+// which never change. Everything is in a fixed order, so that contacts and with them the solver's rows are
+// too. Cost: 60 instructions a pair of boxes in the world, 10 a piece. Real-time thread.
 #include "collision/broad.h"
 
 #include <assert.h>
@@ -111,8 +111,8 @@ void gv_broad_init(gv_broad *broad, double step_s, double contact_margin_m) {
 
 // ---- bounds of this step ----
 
-// How far the surface of a body can come in one step, plus its half of the contact margin. However fast it is: what is not
-// seen coming is not stopped.
+// How far the surface of a body can come in one step, plus its half of the contact margin. However fast it
+// is: what is not seen coming is not stopped.
 static double body_margin(const gv_broad *broad, const gv_body_state *s, double reach) {
   double travel = broad->step_s * (gv_norm(s->v) + gv_norm(s->w) * reach);
   return 0.5 * broad->contact_margin_m + travel;

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// Broad phase: boxes around limbs, objects and pieces, and the list of pairs whose boxes meet. Boxes of a limb and of
-// an object are the world's, grown by how far the body's surface may come within the step; boxes of pieces are made once,
-// in their object's own frame, and others are turned into it. Memory of the caller; real-time thread.
+// Broad phase: boxes around limbs, objects and pieces, and the list of pairs whose boxes meet. Boxes of a
+// limb and of an object are the world's, grown by how far the body's surface may come within the step; boxes
+// of pieces are made once, in their object's own frame, and others are turned into it. Memory of the caller;
+// real-time thread.
 #ifndef GLOVED_COLLISION_BROAD_H
 #define GLOVED_COLLISION_BROAD_H
 
@@ -46,7 +47,8 @@ static inline bool gv_aabb_meet(const gv_aabb *a, const gv_aabb *b) {
          a->min.z <= b->max.z && b->min.z <= a->max.z;
 }
 
-// Set-up: arrays from the arena (false: it is full), then the pieces. Limb shapes are the caller's to fill in.
+// Set-up: arrays from the arena (false: it is full), then the pieces. Limb shapes are the caller's to fill
+// in.
 bool gv_broad_alloc(gv_broad *broad, gv_arena *arena, const gv_scene *scene);
 void gv_broad_init(gv_broad *broad, double step_s, double contact_margin_m);
 // Drop the warm starts.

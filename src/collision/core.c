@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// The narrow phase `core`: GJK on a simplex solver of our own, and for cores that overlap the expanding polytope
-// (epa.c), which is asked again from elsewhere, and at last the faces, where its bounds do not meet.
-// Pure; any thread. At most three searches of the polytope and a sweep: each ends after a fixed number of steps.
+// The narrow phase `core`: GJK on a simplex solver of our own, and for cores that overlap the expanding
+// polytope (epa.c), which is asked again from elsewhere, and at last the faces, where its bounds do not meet.
+// Pure; any thread. At most three searches of the polytope and a sweep: each ends after a fixed number of
+// steps.
 #include "collision/gjk.h"
 #include "collision/phase.h"
 
@@ -20,8 +21,8 @@ static bool is_better(const gv_epa_result *r, const gv_epa_result *best) {
   return r->depth < best->depth + (bounds_meet(r) ? gv_touching_m : -gv_touching_m);
 }
 
-// Once more from beside the best side so far, since rounding then falls differently; if the bounds still do not meet,
-// the faces may know better.
+// Once more from beside the best side so far, since rounding then falls differently; if the bounds still do
+// not meet, the faces may know better.
 static void settle_depth(const gv_cso *cso, gv_vec3 guess, const gv_epa_result *found, gv_distance *out) {
   gv_epa_result best = *found, other;
   out->method = GV_DISTANCE_EPA;
@@ -55,8 +56,8 @@ static void find_depth(const gv_cso *cso, gv_vec3 guess, bool warm, gv_distance 
   settle_depth(cso, guess, &r, out);
 }
 
-// A cached normal along which the cores overlap means that they most likely still do (a box at rest on a table):
-// the polytope is asked first.
+// A cached normal along which the cores overlap means that they most likely still do (a box at rest on a
+// table): the polytope is asked first.
 static bool still_overlap(const gv_cso *cso, gv_vec3 *io_guess, gv_distance *out) {
   gv_epa_result r;
   if (!gv_epa_run(cso, *io_guess, &r)) return false;

@@ -85,13 +85,14 @@ static inline gv_vec3 gv_core_center(const gv_core *core) {
   return core->kind == GV_CORE_HULL ? gv_add(core->center, gv_mat3_mul(&core->R, core->hull->center)) : core->center;
 }
 
-// Both find the least h(n); `guess` is a unit vector, any. False: the obstacle has no volume (out is not set).
+// Both find the least h(n); `guess` is a unit vector, any. False: the obstacle has no volume (out is not
+// set).
 bool gv_epa_run(const gv_cso *cso, gv_vec3 guess, gv_epa_result *out);
 // The least h over the guess, face normals, and cross products of edges, a bounded number of them.
 void gv_epa_sweep_faces(const gv_cso *cso, gv_vec3 guess, gv_epa_result *out);
 
-// The distance, with the cores as placed in the frame of B left in *out_cso (not where they are beyond the limit), and
-// results in that frame; and those results taken to the world.
+// The distance, with the cores as placed in the frame of B left in *out_cso (not where they are beyond the
+// limit), and results in that frame; and those results taken to the world.
 void gv_distance_in_b(gv_narrow narrow, const gv_pair *pair, double max_distance, gv_pair_cache *cache, gv_cso *out_cso,
                       gv_distance *out);
 void gv_distance_to_world(const gv_pose *T_world_b, const gv_pair_cache *cache, gv_distance *io);

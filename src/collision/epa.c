@@ -2,20 +2,20 @@
 // Penetration depth of overlapping cores: the least support h(n) of the obstacle B - A (Eqn 8), by an
 // expanding polytope in fixed memory on the stack (about 50 kB).
 //
-// The polytope lies inside the obstacle, so the least offset of its faces is a lower bound of the depth,
-// also where it is negative (the origin still outside). Every direction that was asked gives an upper
-// bound, h itself. The best of these is the answer: whatever rounding does to the polytope, the answer
-// is a true h(n) of a unit n, and the search ends when the bounds meet. The obstacle is a polyhedron, so
-// they meet exactly. The side of the last time and the far side are the seeds where the cores overlapped then:
-// mostly nothing has to be added.
-// Pure; any thread.
+// The polytope lies inside the obstacle, so the least offset of its faces is a lower bound of the depth, also
+// where it is negative (the origin still outside). Every direction that was asked gives an upper bound, h
+// itself. The best of these is the answer: whatever rounding does to the polytope, the answer is a true h(n)
+// of a unit n, and the search ends when the bounds meet. The obstacle is a polyhedron, so they meet exactly.
+// The side of the last time and the far side are the seeds where the cores overlapped then: mostly nothing
+// has to be added. Pure; any thread.
 #include "collision/simplex.h"
 #include "collision/polytope.h"
 
 // Faces whose offsets differ by less are looked at for the point under the origin.
 static const double same_side = 1e-9;  // metres
 
-// Steps while the bounds have all but met: at touching corners rounding can let the search go round in circles.
+// Steps while the bounds have all but met: at touching corners rounding can let the search go round in
+// circles.
 enum { CLOSE = 16 };
 
 // In operations, beside the support points: a search that ends at once, and each point that is added.
@@ -59,8 +59,8 @@ static void keep_point(search *s) {
   s->count++;
 }
 
-// Seeds: four corners around the guess (on the face itself, where the obstacle has one there), then once around the
-// obstacle: sideways, the far side, the other side. Each climb starts at the last one's end.
+// Seeds: four corners around the guess (on the face itself, where the obstacle has one there), then once
+// around the obstacle: sideways, the far side, the other side. Each climb starts at the last one's end.
 static void ask_seeds(search *s, gv_vec3 guess) {
   gv_vec3 t = gv_any_perpendicular(guess), u = gv_cross(guess, t);
   const double tilt = 0.02;
@@ -165,7 +165,8 @@ static double expand(search *s, int *io_iterations) {
 }
 
 // Where the bounds did not meet in time (round bodies almost concentric: every direction is about as good),
-// downhill from the best direction so far: the side that its ray leaves through is no farther from the origin.
+// downhill from the best direction so far: the side that its ray leaves through is no farther from the
+// origin.
 static void descend(search *s, int *io_iterations) {
   for (int i = 0; i < GV_EPA_MAX_DESCENT; i++, ++*io_iterations) {
     double best = s->best;
@@ -174,7 +175,8 @@ static void descend(search *s, int *io_iterations) {
   }
 }
 
-// The point of A under the origin's foot on the best plane: of the triangles of that side, the one that holds it.
+// The point of A under the origin's foot on the best plane: of the triangles of that side, the one that holds
+// it.
 static void find_on_a(const search *s, gv_epa_result *out) {
   const gv_polytope *P = &s->polytope;
   const gv_polytope_face *best = NULL;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// Picking the side of a core that faces a direction, and clipping polygons by planes (Sutherland and Hodgman 1974).
-// Pure; any thread. Cost: 20 to 60 ns a side, 5 ns a corner and plane.
+// Picking the side of a core that faces a direction, and clipping polygons by planes (Sutherland and Hodgman
+// 1974). Pure; any thread. Cost: 20 to 60 ns a side, 5 ns a corner and plane.
 #include "collision/face.h"
 
 #include <assert.h>
@@ -34,8 +34,8 @@ static int scan_faces(const gv_hull *hull, gv_vec3 d) {
   return best;
 }
 
-// Around the farthest vertex, and on while a face at one of the face's corners is nearer: on long thin faces the
-// first may not be the best.
+// Around the farthest vertex, and on while a face at one of the face's corners is nearer: on long thin faces
+// the first may not be the best.
 static int walk_faces(const gv_hull *hull, uint16_t *vertex, gv_vec3 d, int *io_operations) {
   *vertex = (uint16_t)gv_hull_support(hull, d, *vertex, io_operations);
   int first = hull->neighbor_face[hull->neighbor_start[*vertex]];

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// The sides of a core as polygons, and clipping them: what manifolds and the depths of polygons share. Frame of the
-// obstacle (that of B). Internal to the collision room.
+// The sides of a core as polygons, and clipping them: what manifolds and the depths of polygons share. Frame
+// of the obstacle (that of B). Internal to the collision room.
 #ifndef GLOVED_COLLISION_FACE_H
 #define GLOVED_COLLISION_FACE_H
 
@@ -33,8 +33,8 @@ static inline gv_vec3 gv_face_prism_side(const gv_face *face, int k, gv_vec3 up)
   return gv_cross(gv_sub(face->p[next], face->p[k]), up);
 }
 
-// What of `in` lies inside the plane through `at`, or less than `slack` metres outside it. Points only: normal and index
-// are not set.
+// What of `in` lies inside the plane through `at`, or less than `slack` metres outside it. Points only:
+// normal and index are not set.
 void gv_face_clip(const gv_face *in, gv_vec3 at, gv_vec3 outward, double slack, gv_face *out);
 
 #endif

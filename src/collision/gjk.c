@@ -1,14 +1,15 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// The distance of two cores: from a simplex of the obstacle B - A, always on to the support point beyond the nearest
-// point found so far (Gilbert, Johnson, Keerthi 1988). The support height is a lower bound of the distance, the
-// nearest point an upper one: the walk ends when they meet, or when rounding allows no step nearer.
-// Pure; any thread. Cost: 60 to 150 ns an iteration; one or two from a warm simplex.
+// The distance of two cores: from a simplex of the obstacle B - A, always on to the support point beyond the
+// nearest point found so far (Gilbert, Johnson, Keerthi 1988). The support height is a lower bound of the
+// distance, the nearest point an upper one: the walk ends when they meet, or when rounding allows no step
+// nearer. Pure; any thread. Cost: 60 to 150 ns an iteration; one or two from a warm simplex.
 #include "collision/gjk.h"
 
 #include <assert.h>
 
 // Steps without progress that are taken while the bounds are apart. From one end of a limb lying nearly along
-// an edge the way to the other end begins so: the nearest point moves by less than rounding, the direction by enough.
+// an edge the way to the other end begins so: the nearest point moves by less than rounding, the direction by
+// enough.
 enum { STALLS = 2 };
 
 // What an iteration costs beside its support points, in operations.
@@ -67,7 +68,8 @@ gv_gjk_outcome gv_gjk_walk(gv_gjk *g) {
     v = v_next;
   }
   g->nearest = gv_simplex_polish(s, v);
-  // Nearly touching along edges, rounding can hide the way: where the bounds do not meet, let the depth decide.
+  // Nearly touching along edges, rounding can hide the way: where the bounds do not meet, let the depth
+  // decide.
   double distance = gv_norm(g->nearest);
   return distance <= gv_touching_m || lower < 0.5 * distance ? GV_GJK_OVERLAP : GV_GJK_APART;
 }

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// The walk of Gilbert, Johnson and Keerthi (1988) to the point of the obstacle B - A that is nearest to the origin.
-// Internal to the narrow phase.
+// The walk of Gilbert, Johnson and Keerthi (1988) to the point of the obstacle B - A that is nearest to the
+// origin. Internal to the narrow phase.
 #ifndef GLOVED_COLLISION_GJK_H
 #define GLOVED_COLLISION_GJK_H
 

@@ -16,9 +16,9 @@ enum { POINTS = GV_MAX_HULL_VERTICES, TRIANGLES = 2 * POINTS, NONE = 0xffff };
 static const double in_plane[] = {1e-9, 3e-8, 1e-6};
 enum { TOLERANCES = sizeof in_plane / sizeof in_plane[0] };
 
-// Corners this near to one plane were in it before a file rounded them (six digits of a metre: 5e-7 m each way):
-// metres, and relative to the extent for tiny bodies. Only of long sides, which bodies can rest on: on a round body
-// two small triangles lie in one plane by chance.
+// Corners this near to one plane were in it before a file rounded them (six digits of a metre: 5e-7 m each
+// way): metres, and relative to the extent for tiny bodies. Only of long sides, which bodies can rest on: on
+// a round body two small triangles lie in one plane by chance.
 static const double rounded_m = 4e-6, rounded_share = 5e-5, long_side = 0.15;
 
 typedef struct side {     // a polygon on its way to a plane
@@ -234,8 +234,8 @@ static void fit_polygons(builder *b) {
   }
 }
 
-// Move a corner by the least into the planes of the polygons around it, three at most (Gram and Schmidt). A triangle
-// of its own stays flat wherever its corners go.
+// Move a corner by the least into the planes of the polygons around it, three at most (Gram and Schmidt). A
+// triangle of its own stays flat wherever its corners go.
 static void move_into_planes(builder *b, int v, double limit) {
   gv_vec3 axis[3], shift = gv_v3(0, 0, 0);
   int axes = 0;

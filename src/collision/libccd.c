@@ -1,17 +1,18 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// The narrow phase `libccd`: as much of the package as serves, in the frame of narrow.c. The one file that knows it.
+// The narrow phase `libccd`: as much of the package as serves, in the frame of narrow.c. The one file that
+// knows it.
 //
-// Apart: libccd's distances of a point from a segment and a triangle under our GJK walk. Overlapping: its Minkowski
-// portal refinement (MPR, Snethen 2008) for a direction, then the "shift": A is moved out along n by its height and a
-// bit, the distance of the moved pair gives the next n, and the last one's distance less the move is the depth. With
-// the normal of the last time MPR is not asked at all.
+// Apart: libccd's distances of a point from a segment and a triangle under our GJK walk. Overlapping: its
+// Minkowski portal refinement (MPR, Snethen 2008) for a direction, then the "shift": A is moved out along n
+// by its height and a bit, the distance of the moved pair gives the next n, and the last one's distance less
+// the move is the depth. With the normal of the last time MPR is not asked at all.
 //
-// libccd is asked in millimetres: it compares areas and squared lengths with an absolute epsilon of 2e-16, which in
-// metres is the size of its own rounding. It allocates nothing here (its EPA, which does, is not used). MPR's loops are
-// not all under max_iterations, so support calls are counted, and MPR is left by longjmp at MOST_SUPPORTS.
-// The shift finds a local minimum of the depth: the least where a pair is followed from step to step, sometimes not the
-// least of a pair seen for the first time deep inside (seven starts, up to 0.6 mm above it).
-// Pure; any thread.
+// libccd is asked in millimetres: it compares areas and squared lengths with an absolute epsilon of 2e-16,
+// which in metres is the size of its own rounding. It allocates nothing here (its EPA, which does, is not
+// used). MPR's loops are not all under max_iterations, so support calls are counted, and MPR is left by
+// longjmp at MOST_SUPPORTS. The shift finds a local minimum of the depth: the least where a pair is followed
+// from step to step, sometimes not the least of a pair seen for the first time deep inside (seven starts, up
+// to 0.6 mm above it). Pure; any thread.
 #include <ccd/ccd.h>
 #include <ccd/vec3.h>
 #include <setjmp.h>
@@ -54,8 +55,8 @@ static gv_vec3 solve_segment(gv_simplex *s) {
   return v;
 }
 
-// Keeps the corners that carry the point; weights are areas of the parts of the triangle. Returns the point that they
-// make, which is in the triangle.
+// Keeps the corners that carry the point; weights are areas of the parts of the triangle. Returns the point
+// that they make, which is in the triangle.
 static gv_vec3 weigh_triangle(const gv_simplex *s, const double area[3], gv_simplex *out) {
   gv_vec3 v = gv_v3(0, 0, 0);
   double sum = 0;
@@ -189,7 +190,8 @@ static void shift_out(const gv_cso *cso, gv_vec3 n, overlap *io_best, int *io_it
   }
 }
 
-// From those of the six axes along which the overlap is less than `share` of the best so far. True: one was better.
+// From those of the six axes along which the overlap is less than `share` of the best so far. True: one was
+// better.
 static bool shift_from_axes(const gv_cso *cso, double share, overlap *io_best, int *io_iterations) {
   const gv_vec3 axis[STARTS] = {{1, 0, 0}, {-1, 0, 0}, {0, 1, 0}, {0, -1, 0}, {0, 0, 1}, {0, 0, -1}};
   double before = io_best->depth;

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// A limb along the sides of a core: the segment is cut by the prism of the face under it, and followed over the
-// neighbouring faces to where it ends. Contacts are where it ends, and the edges on the way that it may rock on: without
-// them it would rock each step. Pure; any thread. Cost: 0.2 us, 0.4 us along small faces.
+// A limb along the sides of a core: the segment is cut by the prism of the face under it, and followed over
+// the neighbouring faces to where it ends. Contacts are where it ends, and the edges on the way that it may
+// rock on: without them it would rock each step. Pure; any thread. Cost: 0.2 us, 0.4 us along small faces.
 #include <assert.h>
 
 #include "collision/manifold.h"

@@ -3,10 +3,10 @@
 // jumps from corner to corner; here every corner of the common region becomes a contact with a depth of
 // its own (the paper's wish of a penetration depth per polygon).
 //
-// The reference polygon is the side of one core that faces the contact normal best. The other core's
-// side, or segment (limb.c), is clipped against the prism that the reference sweeps along the normal; the gap of
-// each corner is measured along the normal, so it is never less than the distance of the pair. Works in
-// the frame of B. Pure; any thread. Cost: 0.1 us beside the distance, 0.4 us for a limb along small faces.
+// The reference polygon is the side of one core that faces the contact normal best. The other core's side, or
+// segment (limb.c), is clipped against the prism that the reference sweeps along the normal; the gap of each
+// corner is measured along the normal, so it is never less than the distance of the pair. Works in the frame
+// of B. Pure; any thread. Cost: 0.1 us beside the distance, 0.4 us for a limb along small faces.
 #include "collision/manifold.h"
 
 #include <assert.h>
@@ -41,7 +41,8 @@ static void add_polygons(gv_manifold *m, const gv_reference *r, const gv_face *r
     gv_manifold_add(m, r, now->p[k], gv_gap_over(reference, r->up, now->p[k]), face_b);
 }
 
-// Of two corners in one place the deeper stays. The order of the others is kept: it is the order of the solver's rows.
+// Of two corners in one place the deeper stays. The order of the others is kept: it is the order of the
+// solver's rows.
 static bool has_deeper_twin(const gv_manifold *m, int i) {
   for (int k = 0; k < m->count; k++) {
     if (k == i || gv_norm2(gv_sub(m->corner[i].on_a, m->corner[k].on_a)) > same_place * same_place) continue;
@@ -113,9 +114,9 @@ static void gather(gv_manifold *m, const gv_cso *cso, uint16_t *out_face_b) {
   else add_polygons(m, &r, reference, incident);
 }
 
-// Of a body pressed into a thin one the nearer side can be the far one. Nothing passes from one side to the opposite one
-// within a step while it touches both: such a turn of the normal is not taken, and the depth is that along the last normal,
-// so that the contact leads back to where the body came from.
+// Of a body pressed into a thin one the nearer side can be the far one. Nothing passes from one side to the
+// opposite one within a step while it touches both: such a turn of the normal is not taken, and the depth is
+// that along the last normal, so that the contact leads back to where the body came from.
 static void keep_side_of_entry(const gv_cso *cso, const gv_pair *pair, gv_vec3 last_normal_world, gv_distance *io) {
   if (io->method == GV_DISTANCE_BEYOND || io->distance >= 0) return;
   const gv_vec3 last = gv_rotate_inv(cso->q_world_b, last_normal_world);

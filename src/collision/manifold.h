@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// A manifold on its way: corners of the common region of two sides, gathered by manifold.c (flat on flat) and limb.c (a
-// segment along the sides of a core). Frame of B; gaps are those of the cores. Internal to the collision room.
+// A manifold on its way: corners of the common region of two sides, gathered by manifold.c (flat on flat) and
+// limb.c (a segment along the sides of a core). Frame of B; gaps are those of the cores. Internal to the
+// collision room.
 #ifndef GLOVED_COLLISION_MANIFOLD_H
 #define GLOVED_COLLISION_MANIFOLD_H
 
@@ -37,8 +38,8 @@ static inline double gv_gap_over(const gv_face *face, gv_vec3 up, gv_vec3 q) {
 
 // A corner at p of the incident side, `gap` over the reference. face_b: the polygon of B that it belongs to.
 void gv_manifold_add(gv_manifold *m, const gv_reference *reference, gv_vec3 p, double gap, uint16_t face_b);
-// The corners of a limb, a segment, along the sides of the reference's core. vertex: of that core, near the contact;
-// io_face: its side that faces the limb best, changed to the one that the limb lies over.
+// The corners of a limb, a segment, along the sides of the reference's core. vertex: of that core, near the
+// contact; io_face: its side that faces the limb best, changed to the one that the limb lies over.
 void gv_manifold_add_limb(gv_manifold *m, const gv_reference *reference, int vertex, const gv_face *segment,
                           gv_face *io_face);
 

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// Signed distance of two shapes (section C of the paper, Eqn 5 to 8), with either narrow phase. The cores' distance is
-// found by GJK on the obstacle B - A, in the frame of B (gjk.c); cores that overlap go to the phase's own search
-// (core.c, libccd.c). The spheres' radii are subtracted last, so that a contact in the margin costs no more than a
-// distance. Pure; any thread.
+// Signed distance of two shapes (section C of the paper, Eqn 5 to 8), with either narrow phase. The cores'
+// distance is found by GJK on the obstacle B - A, in the frame of B (gjk.c); cores that overlap go to the
+// phase's own search (core.c, libccd.c). The spheres' radii are subtracted last, so that a contact in the
+// margin costs no more than a distance. Pure; any thread.
 #include <assert.h>
 
 #include "collision/gjk.h"
@@ -87,8 +87,8 @@ static void distance_of_cores(const gv_phase *phase, const gv_cso *cso, double l
   walk(phase, &g, out);
 }
 
-// Pairs that were far apart mostly still are: two support heights along the last normal tell, before anything is
-// placed.
+// Pairs that were far apart mostly still are: two support heights along the last normal tell, before anything
+// is placed.
 static bool still_beyond(const gv_pair *pair, double limit, gv_pair_cache *cache, int *io_operations) {
   gv_vec3 n = cache->normal_world;
   if (cache->corners > 0 || cache->overlap || fabs(gv_norm2(n) - 1) > 1e-9) return false;

@@ -40,7 +40,8 @@ bool gv_polytope_pick_tetrahedron(const gv_vec3 *point, int count, double tolera
   return best > tolerance;
 }
 
-// Plane of the triangle a, b, c; false where it has no area worth a direction (height under 1e-14 of its length).
+// Plane of the triangle a, b, c; false where it has no area worth a direction (height under 1e-14 of its
+// length).
 static bool find_plane(gv_vec3 a, gv_vec3 b, gv_vec3 c, gv_vec3 *out_normal, double *out_offset) {
   gv_vec3 ab = gv_sub(b, a), ac = gv_sub(c, a), n = gv_cross(ab, ac);
   double area = gv_norm(n), length2 = fmax(gv_norm2(ab), gv_norm2(ac));

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// The pairs of a step by urgency, within a budget. A pair's urgency is its depth at its last answer. Each step in which it
-// is left out it counts as twice as deep, and as deeper by how much its surfaces may have come nearer: none waits long
-// behind deeper ones (a touch behind overlaps of 50 mm for eight steps).
-// All of it is kept with the pair's warm start; no clock is asked, and the same scene gives the same order.
-// Cost: 3 instructions a pair; in a crowded step 60 a pair more. Real-time thread.
+// The pairs of a step by urgency, within a budget. A pair's urgency is its depth at its last answer. Each
+// step in which it is left out it counts as twice as deep, and as deeper by how much its surfaces may have
+// come nearer: none waits long behind deeper ones (a touch behind overlaps of 50 mm for eight steps). All of
+// it is kept with the pair's warm start; no clock is asked, and the same scene gives the same order. Cost: 3
+// instructions a pair; in a crowded step 60 a pair more. Real-time thread.
 #include "collision/queue.h"
 
 #include <assert.h>

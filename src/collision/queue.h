@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// In which order the pairs of a step are asked, and when to stop: a step has a budget of counted operations. Where what
-// the pairs cost in their last step fits, they are asked in the order of the list. Else those of the hand come first, then
-// the deepest; what is left over becomes more urgent with every step. Memory of the caller; real-time thread.
+// In which order the pairs of a step are asked, and when to stop: a step has a budget of counted operations.
+// Where what the pairs cost in their last step fits, they are asked in the order of the list. Else those of
+// the hand come first, then the deepest; what is left over becomes more urgent with every step. Memory of the
+// caller; real-time thread.
 #ifndef GLOVED_COLLISION_QUEUE_H
 #define GLOVED_COLLISION_QUEUE_H
 

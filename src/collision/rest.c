@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// Which objects are simulated. An object that has not moved for a while and has no limb near it is left alone; the box of
-// something that moves, or of a limb, wakes it. Cost: 10 instructions an object at rest and moving body.
+// Which objects are simulated. An object that has not moved for a while and has no limb near it is left
+// alone; the box of something that moves, or of a limb, wakes it. Cost: 10 instructions an object at rest and
+// moving body.
 #include "collision/rest.h"
 
 #include <assert.h>

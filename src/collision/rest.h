@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// Objects that lie still and alone are not simulated, and have no pairs, until something that moves comes near.
-// Memory of the caller; real-time thread.
+// Objects that lie still and alone are not simulated, and have no pairs, until something that moves comes
+// near. Memory of the caller; real-time thread.
 #ifndef GLOVED_COLLISION_REST_H
 #define GLOVED_COLLISION_REST_H
 
@@ -19,8 +19,8 @@ void gv_rest_list_moving(gv_rest *rest, const gv_scene *scene);
 bool gv_rest_wake(gv_rest *rest, int object);
 // Has something that moves come near an object at rest? hand: there is one.
 bool gv_rest_is_disturbed(const gv_rest *rest, const gv_broad *broad, bool hand, int object);
-// At the step's end, with the object's state then. True where it has been still for `enough` steps, no limb near, and
-// is at rest from now on.
+// At the step's end, with the object's state then. True where it has been still for `enough` steps, no limb
+// near, and is at rest from now on.
 bool gv_rest_lies_still(gv_rest *rest, const gv_broad *broad, bool hand, int object, const gv_body_state *state, int enough);
 
 #endif

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // The innermost step of the narrow phase: the point nearest to the origin of a point, segment, triangle or
-// tetrahedron of the obstacle B - A (Ericson, Real-Time Collision Detection, 5.1). What decides between near equals
-// is computed so that it keeps its digits on thin triangles, which shapes aligned with each other produce all the
-// time. Pure; any thread. Cost: 20 to 100 ns.
+// tetrahedron of the obstacle B - A (Ericson, Real-Time Collision Detection, 5.1). What decides between near
+// equals is computed so that it keeps its digits on thin triangles, which shapes aligned with each other
+// produce all the time. Pure; any thread. Cost: 20 to 100 ns.
 #include "collision/simplex.h"
 
 #include <assert.h>
@@ -18,8 +18,8 @@ static void swap_ends(gv_simplex *s) {
   s->p[1] = p;
 }
 
-// The nearer end comes first. However near to it the point is, the other end stays: between edges that almost touch
-// a step of 1e-15 m along the edge still turns the direction by radians.
+// The nearer end comes first. However near to it the point is, the other end stays: between edges that almost
+// touch a step of 1e-15 m along the edge still turns the direction by radians.
 static gv_vec3 solve_segment(gv_simplex *s) {
   if (gv_norm2(s->p[1].w) < gv_norm2(s->p[0].w)) swap_ends(s);
   gv_vec3 a = s->p[0].w;

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// From pairs to contacts: the pairs that the broad phase lists (collision/broad.h) are asked within the step's budget
-// (collision/queue.h), and each point of their manifolds gets its friction, its direction of predicted slip and its place
-// in the list. Gaps that may close within the step count too: the solver lets them close, not overshoot, so a limb stops
-// on the surface and not a step's travel inside. Real-time thread.
+// From pairs to contacts: the pairs that the broad phase lists (collision/broad.h) are asked within the
+// step's budget (collision/queue.h), and each point of their manifolds gets its friction, its direction of
+// predicted slip and its place in the list. Gaps that may close within the step count too: the solver lets
+// them close, not overshoot, so a limb stops on the surface and not a step's travel inside. Real-time thread.
 #include <limits.h>
 
 #include "engine/engine_state.h"
@@ -19,8 +19,8 @@ static int find_shallowest(const gv_engine *e) {
   return shallow;
 }
 
-// The place for one more contact, or -1 where the list is full of deeper ones. The shallowest is looked for only once
-// between two that take its place: most of a crowd's contacts are shallower still.
+// The place for one more contact, or -1 where the list is full of deeper ones. The shallowest is looked for
+// only once between two that take its place: most of a crowd's contacts are shallower still.
 static int contact_slot(gv_engine *e, double depth) {
   if (e->contact_count < e->effort.contacts_max) return e->contact_count++;
   e->events |= GV_EVENT_CONTACTS_DROPPED;

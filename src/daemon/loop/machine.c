@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// Measures the narrow phase on pairs like those of a full scene: limbs on boxes, and boxes in boxes. The fastest of many
-// rounds is the machine undisturbed; a share of that is what the loop may count on.
+// Measures the narrow phase on pairs like those of a full scene: limbs on boxes, and boxes in boxes. The
+// fastest of many rounds is the machine undisturbed; a share of that is what the loop may count on.
 #include "daemon/loop/machine.h"
 
 #include <time.h>

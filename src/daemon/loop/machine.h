@@ -5,8 +5,8 @@
 
 #include "gloved/narrow.h"
 
-// Counted operations of collision detection in a second (gv_config.operations_per_s), with a reserve for caches that
-// are cold in the loop. Takes 5 ms.
+// Counted operations of collision detection in a second (gv_config.operations_per_s), with a reserve for
+// caches that are cold in the loop. Takes 5 ms.
 double gv_machine_operations_per_s(gv_narrow narrow);
 
 #endif
