@@ -250,6 +250,7 @@ static int write_report(const char *path, const gv_sim_report *r, const gv_drive
 }
 
 int main(int argc, char **argv) {
+  gv_keep_standard_files();
   options o;
   if (argc == 2 && strcmp(argv[1], "--help") == 0) return puts(usage_text) < 0;
   int error = read_options(argc, argv, &o);

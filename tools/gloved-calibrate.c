@@ -16,6 +16,7 @@
 #include <time.h>
 #include <unistd.h>
 
+#include "gloved/drivers.h"
 #include "daemon/load/calibrate.h"
 #include "daemon/load/devices.h"
 #include "gloved/fcu.h"
@@ -289,6 +290,7 @@ static int calibrate(void) {
 }
 
 int main(int argc, char **argv) {
+  gv_keep_standard_files();
   if (argc == 2 && strcmp(argv[1], "--help") == 0) return puts(usage_text) < 0;
   int error = read_options(argc, argv);
   if (error) return error;

@@ -7,6 +7,7 @@
 #include <string.h>
 #include <time.h>
 
+#include "gloved/drivers.h"
 #include "daemon/loop/request.h"
 #include "gloved_command_t.h"
 #include "gloved_event_t.h"
@@ -66,6 +67,7 @@ static int take_argument(gloved_command_t *command, char *argument) {
 }
 
 int main(int argc, char **argv) {
+  gv_keep_standard_files();
   static char no_text[] = "";
   if (argc < 2 || argc > 3) return usage();
   gloved_command_t command = {.utime = (int64_t)time(NULL) * 1000000, .kind = (int8_t)find_kind(argv[1]), .text = no_text};

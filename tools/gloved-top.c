@@ -14,6 +14,7 @@
 #include <time.h>
 #include <unistd.h>
 
+#include "gloved/drivers.h"
 #include "gloved/hand.h"
 #include "gloved/safety.h"
 #include "gloved_event_t.h"
@@ -270,6 +271,7 @@ static void watch(top *t, lcm_t *lcm) {
 }
 
 int main(int argc, char **argv) {
+  gv_keep_standard_files();
   static top t;
   t.url = argc > 1 ? argv[1] : getenv("LCM_DEFAULT_URL") ? getenv("LCM_DEFAULT_URL") : "udpm://239.255.76.67:7667?ttl=0";
   if (argc > 2 || t.url[0] == '-') {

@@ -8,6 +8,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "gloved/drivers.h"
 #include "trace/trace.h"
 
 static const char help[] =
@@ -45,6 +46,7 @@ _Bool trace_number(const char *text, double lo, double hi, double *out) {
 }
 
 int main(int argc, char **argv) {
+  gv_keep_standard_files();
   const char *verb = argc > 1 ? argv[1] : "";
   if (strcmp(verb, "--help") == 0 || strcmp(verb, "-h") == 0) {
     fputs(help, stdout);

@@ -19,6 +19,7 @@
 #include <time.h>
 #include <unistd.h>
 
+#include "gloved/drivers.h"
 #include "drivers/serial_sim.h"
 #include "daemon/load/config_load.h"
 
@@ -218,6 +219,7 @@ static void report(const serial_sim *s) {
 }
 
 int main(int argc, char **argv) {
+  gv_keep_standard_files();
   options o;
   if (argc == 2 && strcmp(argv[1], "--help") == 0) return puts(usage_text) < 0;
   int error = read_options(argc, argv, &o);

@@ -7,6 +7,11 @@
 #include "gloved/frame.h"
 #include "gloved/hand.h"
 
+// ---- before anything is opened --------------------------------------------------------------------
+// Opens descriptors 0 to 2 onto /dev/null where the program was started without them, so that no device gets the
+// number that standard output is written to. First call in main.
+void gv_keep_standard_files(void);
+
 // ---- cannelloni v2 over UDP -----------------------------------------------------------------------
 // What we send: one Ethernet datagram; at 5 bytes for an empty frame it never holds more than 293 frames. What we
 // take: up to an interface's MTU of 9000 (cannelloni -m 9000), 28 bytes of it for IPv4 and UDP.

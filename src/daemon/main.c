@@ -8,8 +8,10 @@
 #include <string.h>
 #include <unistd.h>
 
+#include "gloved/drivers.h"
 #include "daemon/doctor/doctor.h"
 #include "daemon/load/devices.h"
+#include "daemon/load/output.h"
 #include "daemon/loop/machine.h"
 #include "daemon/options.h"
 #include "daemon/tell/slow.h"
@@ -37,6 +39,7 @@ typedef struct program {
 } program;
 
 static atomic_bool stop_requested, give_up;
+static _Atomic(const gv_loop *) watched_loop;
 
 static void on_signal(int number) {
   (void)number;
@@ -45,20 +48,33 @@ static void on_signal(int number) {
 }
 
 // The loop has ended or is about to, and the slow thread may hang in a send that nobody takes: two seconds later
-// the signal itself breaks that off, and nothing more is sent.
+// the signal itself breaks that off, and nothing more is sent. An alarm from outside before that is a request to end.
 static void on_alarm(int number) {
-  (void)number;
+  const gv_loop *loop = atomic_load(&watched_loop);
+  if (!atomic_load(&stop_requested) && loop && gv_loop_running(loop)) {
+    on_signal(number);
+    return;
+  }
   atomic_store(&give_up, true);
   alarm(1);
+}
+
+// Every signal that would end the process without bringing the forces down. Left alone: those of a broken program (its
+// device lets go by its watchdog), those that stop a process, and those that do nothing by default.
+static bool ends_unasked(int number) {
+  static const int left_alone[] = {SIGKILL, SIGSTOP, SIGSEGV, SIGBUS, SIGFPE, SIGILL, SIGTRAP, SIGABRT, SIGSYS,
+                                   SIGTSTP, SIGTTIN, SIGTTOU, SIGCHLD, SIGCONT, SIGURG, SIGWINCH, SIGPIPE, SIGALRM};
+  for (size_t i = 0; i < sizeof left_alone / sizeof left_alone[0]; i++)
+    if (number == left_alone[i]) return false;
+  return true;
 }
 
 static void catch_signals(void) {
   struct sigaction action;
   memset(&action, 0, sizeof action);
   action.sa_handler = on_signal;
-  sigaction(SIGINT, &action, NULL);
-  sigaction(SIGTERM, &action, NULL);
-  sigaction(SIGHUP, &action, NULL);
+  for (int number = 1; number <= SIGRTMAX; number++)
+    if (ends_unasked(number)) sigaction(number, &action, NULL);  // the two that the C library keeps for itself are refused
   action.sa_handler = on_alarm;
   sigaction(SIGALRM, &action, NULL);
   signal(SIGPIPE, SIG_IGN);  // a reader of our output that goes away must not end a running force loop
@@ -97,7 +113,7 @@ static int open_telemetry(program *p) {
   gv_settings defaults;
   gv_settings_default(&defaults);
   const bool required = p->options.lcm || strcmp(p->settings.lcm, defaults.lcm) != 0;
-  const gv_telemetry_config telemetry = {.lcm_url = p->settings.lcm, .lcm_required = required, .log_path = p->options.log,
+  const gv_telemetry_config telemetry = {.lcm_url = p->settings.lcm, .lcm_required = required, .log_path = p->options.check ? NULL : p->options.log,
                                          .scene = &p->world.scene, .hand = &p->settings.engine.hand, .arena = &p->world.arena,
                                          .load_scene = load_scene, .user = p, .give_up = &give_up};
   p->telemetry = gv_telemetry_open(&telemetry, p->err, sizeof p->err);
@@ -139,6 +155,19 @@ static void fit_limiter(program *p) {
           p->settings.limiter.max_n, p->settings.limiter.pretension_n, p->settings.limiter.slew_n_per_s);
 }
 
+// Before anything is opened: what is there stays as it is until nothing can fail any more.
+static int check_outputs(program *p) {
+  const bool from_trace = strncmp(p->settings.fcu, "trace:", 6) == 0;
+  char trace[GV_SETTING_TEXT] = "";
+  if (from_trace) snprintf(trace, sizeof trace, "%.*s", (int)strcspn(p->settings.fcu + 6, "?"), p->settings.fcu + 6);
+  const gv_named_file file[] = {
+    {"--config", p->options.config, false},   {"--scene", p->settings.scene, false}, {"--fcu trace:", trace, false},
+    {"calibration", p->settings.calibration, false},
+    {"--summary", p->options.summary, true},  {"--record", p->options.record, true}, {"--log", p->options.log, true},
+  };
+  return gv_output_check(file, sizeof file / sizeof file[0], p->err, sizeof p->err);
+}
+
 // Within the bounds of the code, but laxer than the default: nobody shall wear the glove without knowing it.
 static void tell_laxer(const program *p) {
   char laxer[GV_LAXER_TEXT];
@@ -148,6 +177,7 @@ static void tell_laxer(const program *p) {
 
 static int set_up(program *p) {
   if (gv_options_settings(&p->options, &p->settings, p->err, sizeof p->err)) return -1;
+  if (check_outputs(p)) return -1;
   fit_limiter(p);
   tell_laxer(p);
   if (open_world(p)) return -1;
@@ -190,6 +220,7 @@ static void start_loop(program *p) {
   gv_session_init(&p->session, &session, p->world.engine);
   gv_loop_init(&p->loop, &loop, &p->session, &p->driver, p->world.scene.object_count, &stop_requested);
   gv_telemetry_attach(p->telemetry, &p->loop);
+  atomic_store(&watched_loop, &p->loop);
 }
 
 // Between two loops: the new scene's engine in the place of the old one. 0, or negative with no engine left.
@@ -276,6 +307,15 @@ static int close_recorder(program *p) {
   return -1;
 }
 
+// 0, or negative where messages are missing in the log.
+static int close_telemetry(program *p) {
+  gv_telemetry *telemetry = p->telemetry;
+  p->telemetry = NULL;
+  if (gv_telemetry_close(telemetry) == 0) return 0;
+  fprintf(stderr, "gloved: %s: not written whole; make room on the disk\n", p->options.log ? p->options.log : "the LCM log");
+  return -1;
+}
+
 static void tear_down(program *p) {
   gv_black_box_close(p->black_box);
   if (p->telemetry) gv_telemetry_close(p->telemetry);
@@ -295,6 +335,7 @@ static int examine(program *p) {
 }
 
 int main(int argc, char **argv) {
+  gv_keep_standard_files();
   static program p;          // 4 MB
   int code = BAD_INPUT;
   if (gv_options_parse(argc, argv, &p.options, p.err, sizeof p.err)) {
@@ -315,6 +356,7 @@ int main(int argc, char **argv) {
   } else if ((code = run(&p)) == OK) {
     code = report(&p);
     if (close_recorder(&p) && code == OK) code = BAD_INPUT;
+    if (close_telemetry(&p) && code == OK) code = BAD_INPUT;
   }
   tear_down(&p);
   return code;

@@ -8,15 +8,19 @@
 #include <string.h>
 #include <sys/stat.h>
 
+#include "daemon/load/output.h"
+
 const char *gv_request_name(int kind) {
   static const char *const name[GV_REQUEST_KINDS] = {"reset", "scene", "coupling", "friction", "start log", "stop log", "disarm", "trace"};
   return kind >= 0 && kind < GV_REQUEST_KINDS ? name[kind] : "?";
 }
 
-static bool too_frequent(gv_request_rate *rate, int64_t now_ns) {
+static bool is_above(gv_request_rate *rate, int64_t now_ns, int per_second) {
   if (rate->count == 0 || now_ns - rate->second_ns >= 1000000000) *rate = (gv_request_rate){now_ns, 0};
-  return ++rate->count > GV_REQUEST_PER_SECOND;
+  return ++rate->count > per_second;
 }
+
+bool gv_request_may_complain(gv_request_rate *rate, int64_t now_ns) { return !is_above(rate, now_ns, GV_REQUEST_PER_SECOND); }
 
 // A name without a folder: a command from the network must not choose a place on the disk.
 static bool is_file_name(const char *text) {
@@ -41,12 +45,14 @@ static const char *check_scene(const char *text) {
   if (!is_path_below(text) || length < 7 || strcmp(text + length - 6, ".scene") != 0)
     return "give a file NAME.scene at or below the daemon's directory, of letters, digits, . _ - and /";
   if (lstat(text, &there) != 0) return "there is no such file in the daemon's directory";
-  return S_ISREG(there.st_mode) ? NULL : "not a plain file";
+  if (!S_ISREG(there.st_mode)) return "not a plain file";
+  return gv_output_is_below_here(text) ? NULL : "a link leads out of the daemon's directory; put the file itself there";
 }
 
 const char *gv_request_check(int kind, double value, const char *text, gv_request_rate *rate, int64_t now_ns, gv_request *out) {
-  if (too_frequent(rate, now_ns)) return "more than 10 a second; send fewer";
   *out = (gv_request){.kind = (gv_request_kind)kind, .value = value};
+  if (kind == GV_REQUEST_DISARM) return NULL;  // whoever else sends, and how much: this one is always obeyed
+  if (is_above(rate, now_ns, GV_REQUEST_PER_SECOND)) return "more than 10 a second; send fewer";
   snprintf(out->text, sizeof out->text, "%s", text);
   switch (kind) {
     case GV_REQUEST_RESET: case GV_REQUEST_STOP_LOG: case GV_REQUEST_DISARM: return NULL;

@@ -40,6 +40,8 @@ typedef struct gv_request_rate { int64_t second_ns; int count; } gv_request_rate
 // Null where the request is sound and not too frequent, otherwise why it is refused and what to do. kind, value and
 // text as they came. now_ns: a clock that runs on.
 const char *gv_request_check(int kind, double value, const char *text, gv_request_rate *rate, int64_t now_ns, gv_request *out);
+// Whether a message that is no command may be answered now: ten times a second.
+bool gv_request_may_complain(gv_request_rate *rate, int64_t now_ns);
 // "reset", "scene", ...; "?" beyond the range.
 const char *gv_request_name(int kind);
 

@@ -33,6 +33,7 @@ enum { MESSAGE_MAX = 64000, DRAW_US = 50000, LOAD_US = 1000000, STATS_US = 10000
 enum { BATCH_STEPS = 100, BATCH_BYTES = 60000, STEP_BYTES = 86, FRAME_BYTES = 14 };
 // What is known of a command before its text: fingerprint, utime, kind, value, length of the text.
 enum { COMMAND_HEAD = 8 + 8 + 1 + 8 + 4, COMMAND_TEXT_AT = COMMAND_HEAD - 4 };
+_Static_assert(GV_RECORD_REQUEST == 4, "programs that send commands wait for events of kind 4");
 enum { EVENT_COMMAND = GV_RECORD_REQUEST, COMMANDS_A_PASS = 32, ANSWER_TEXT = 600 };
 _Static_assert(1200 + GV_LIMBS * 160 + GV_MAX_OBJECTS * (4 + GV_MAX_NAME + 1 + 104) + GV_MAX_CONTACTS * 92 + GV_MAX_POLYGONS * 48 < MESSAGE_MAX,
                "GLOVED_STATE does not fit its buffer");
@@ -76,9 +77,11 @@ struct gv_telemetry {
   const char *(*load_scene)(void *user, const char *file);
   void *user;
   gv_loop *loop;             // null: not attached yet
+  bool log_broken;           // the disk refused a part of a log
   bool trace_asked;          // by command
   bool listens;              // to commands
-  gv_request_rate rate;
+  gv_request_rate rate;      // of commands
+  gv_request_rate complaints; // about messages that are none
   int64_t listened_ns, next_stats_us;
   uint64_t failed, commands_refused;
   int64_t log_events;
@@ -100,7 +103,16 @@ static void write_log(gv_telemetry *telemetry, const char *channel, int64_t utim
   lcm_eventlog_event_t event = {.eventnum = telemetry->log_events++, .timestamp = utime,
                                 .channellen = (int32_t)strlen(name), .datalen = size, .channel = name,
                                 .data = telemetry->message};
-  if (lcm_eventlog_write_event(telemetry->log, &event) != 0) telemetry->failed++;
+  if (lcm_eventlog_write_event(telemetry->log, &event) == 0) return;
+  telemetry->failed++;
+  telemetry->log_broken = true;
+}
+
+// What the C library still holds goes to the disk first: only then is it known whether the log is whole.
+static void end_log(gv_telemetry *telemetry) {
+  if (fflush(telemetry->log->f) != 0) telemetry->log_broken = true;
+  lcm_eventlog_destroy(telemetry->log);
+  telemetry->log = NULL;
 }
 
 // The first `size` bytes of telemetry->message; below 0: they did not fit.
@@ -423,8 +435,7 @@ static const char *start_log(gv_telemetry *telemetry, const char *path) {
 static const char *stop_log(gv_telemetry *telemetry) {
   if (!telemetry->log) return "no log is being written";
   send_batch(telemetry);
-  lcm_eventlog_destroy(telemetry->log);
-  telemetry->log = NULL;
+  end_log(telemetry);
   want_trace(telemetry);
   return NULL;
 }
@@ -492,7 +503,12 @@ static void on_command(const lcm_recv_buf_t *buffer, const char *channel, void *
   (void)channel;
   if (!telemetry->loop) return;
   if (!has_sound_length(buffer->data, buffer->data_size) || gloved_command_t_decode(buffer->data, 0, (int)buffer->data_size, &command) < 0) {
-    answer(telemetry, -1, "not a gloved_command_t; use the type in data/lcm");
+    telemetry->commands_refused++;
+    // Whoever floods the channel must not fill the log with answers.
+    if (gv_request_may_complain(&telemetry->complaints, telemetry->listened_ns)) {
+      telemetry->commands_refused--;
+      answer(telemetry, -1, "not a gloved_command_t; use the type in data/lcm");
+    }
     return;
   }
   const char *refusal = gv_request_check(command.kind, command.value, command.text, &telemetry->rate, telemetry->listened_ns, &request);
@@ -589,14 +605,13 @@ gv_telemetry *gv_telemetry_open(const gv_telemetry_config *cfg, char *err, size_
   telemetry.user = cfg->user;
   take_scene(&telemetry);
   *err = '\0';
-  if (cfg->log_path && !(telemetry.log = lcm_eventlog_create(cfg->log_path, "w"))) {
-    snprintf(err, err_size, "%s: the log file cannot be written; choose another place for --log", cfg->log_path);
-    return NULL;
+  if (strcmp(cfg->lcm_url, "none") != 0 && !(telemetry.lcm = create_quietly(cfg->lcm_url, &telemetry))) {
+    snprintf(err, err_size, "LCM does not start on \"%s\"; check the URL, give this machine a multicast route "
+             "(ip link set lo up; ip route add 224.0.0.0/4 dev lo), or leave LCM out with --lcm none", cfg->lcm_url);
+    if (cfg->lcm_required) return NULL;
   }
-  if (strcmp(cfg->lcm_url, "none") == 0 || (telemetry.lcm = create_quietly(cfg->lcm_url, &telemetry))) return &telemetry;
-  snprintf(err, err_size, "LCM does not start on \"%s\"; check the URL, give this machine a multicast route "
-           "(ip link set lo up; ip route add 224.0.0.0/4 dev lo), or leave LCM out with --lcm none", cfg->lcm_url);
-  if (!cfg->lcm_required) return &telemetry;
+  if (!cfg->log_path || (telemetry.log = lcm_eventlog_create(cfg->log_path, "w"))) return &telemetry;
+  snprintf(err, err_size, "%s: the log file cannot be written; choose another place for --log", cfg->log_path);
   gv_telemetry_close(&telemetry);
   return NULL;
 }
@@ -615,8 +630,9 @@ void gv_telemetry_change_scene(gv_telemetry *telemetry) {
 
 uint64_t gv_telemetry_failed(const gv_telemetry *telemetry) { return telemetry->failed; }
 
-void gv_telemetry_close(gv_telemetry *telemetry) {
+int gv_telemetry_close(gv_telemetry *telemetry) {
   send_batch(telemetry);
-  if (telemetry->log) lcm_eventlog_destroy(telemetry->log);
+  if (telemetry->log) end_log(telemetry);
   if (telemetry->lcm) lcm_destroy(telemetry->lcm);
+  return telemetry->log_broken ? -1 : 0;
 }

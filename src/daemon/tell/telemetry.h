@@ -43,7 +43,7 @@ void gv_telemetry_step(gv_telemetry *telemetry, const gv_step_record *step);
 void gv_telemetry_listen(gv_telemetry *telemetry, int64_t now_ns);
 // Messages that LCM or the disk refused so far.
 uint64_t gv_telemetry_failed(const gv_telemetry *telemetry);
-// Sends what is left of a batch.
-void gv_telemetry_close(gv_telemetry *telemetry);
+// Sends what is left of a batch. 0, or negative where a log is not whole: the disk refused.
+int gv_telemetry_close(gv_telemetry *telemetry);
 
 #endif
