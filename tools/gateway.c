@@ -4,8 +4,8 @@
 //
 //   gateway --udp udp://HOST:PORT?listen=PORT|--can IFACE [--duration S]
 //
-// As it stands the device is none: a hand that lies over a table and, after a while, bends its index finger onto it, so
-// that forces can be seen. One thread, 1 kHz: commands in, forces out, samples out. See doc/gateway.md.
+// As it stands the device is none: a hand over a table that bends its index finger onto it every four seconds, so that
+// forces can be seen. One thread, 1 kHz: commands in, forces out, samples out. See doc/gateway.md.
 #include <errno.h>
 #include <inttypes.h>
 #include <signal.h>
@@ -34,11 +34,12 @@ static double largest_n;
 // The newest measurement at time_s since the start. False: there is none (no frame is sent, and gloved lets go).
 static bool device_read(double time_s, device_sample *out) {
   const gv_calibration cal = gv_calibration_default();
-  const double bent_rad = time_s > 1.5 ? 60.0 * GV_PI / 180.0 * fmin(1.0, time_s - 1.5) : 0.0;
-  for (int i = 0; i < GV_SENSORS; i++)
-    out->raw[i] = (uint16_t)gv_calibration_raw(&cal, i, i == GV_INDEX_MPJ ? bent_rad : 0.0);
+  const double t_s = fmod(time_s, 4.0);  // a second with the switch open, one with a flat hand, two of bending
+  const double bent_rad = 60.0 * GV_PI / 180.0 * gv_clamp(t_s - 2.0, 0.0, 1.0);
+  double angle_rad[GV_SENSORS] = {[GV_THUMB_ABDUCTION] = 40.0 * GV_PI / 180.0, [GV_INDEX_MPJ] = bent_rad};
+  for (int i = 0; i < GV_SENSORS; i++) out->raw[i] = (uint16_t)gv_calibration_raw(&cal, i, angle_rad[i]);
   out->T_world_wrist = (gv_pose){{1, 0, 0, 0}, {-0.3, 0, 0.06}};
-  out->dead_man = time_s > 0.5;
+  out->dead_man = t_s > 1.0;
   out->pose_valid = true;
   out->sensor_fault = false;
   out->age_us = 0;

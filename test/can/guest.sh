@@ -93,8 +93,8 @@ kill -STOP $engine; cangen vcan0 -I 110 -L 48 -f -g 0 -n 3000; sleep 1.2; kill -
 stop
 
 # The reference gateway on CAN: its hand bends a finger onto the table.
-engine gateway --fcu can:vcan0 --duration 4
-"$B/gateway" --can vcan0 --duration 6 >$log/gateway.said 2>&1
+engine gateway --fcu can:vcan0 --duration 9
+"$B/gateway" --can vcan0 --duration 11 >$log/gateway.said 2>&1
 wait $engine; echo $? >$log/gateway.code
 
 # Through a real cannelloni, where there is one: fcusim on the bus, gloved behind UDP; the second time the bridge stands

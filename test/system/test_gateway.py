@@ -77,7 +77,7 @@ def test_samples_are_frames():
     for messages in seen.values():
         counters = [message["Counter"] for message in messages]
         assert len(counters) > 20 and all((b - a) % 256 == 1 for a, b in zip(counters, counters[1:])), counters[:20]
-    assert seen[GLOVE][-1]["DeadMan"] == 1 and seen[POSE][-1]["Valid"] == 1, (seen[GLOVE][-1], seen[POSE][-1])
+    assert seen[GLOVE][0]["DeadMan"] == 0 and seen[GLOVE][-1]["DeadMan"] == 1 and seen[POSE][-1]["Valid"] == 1, (seen[GLOVE][-1], seen[POSE][-1])
     assert abs(seen[POSE][0]["PositionZ"] - 0.06) < 1e-6, seen[POSE][0]
 
 
@@ -120,8 +120,8 @@ def test_with_gloved():
         with open(conf, "w") as file:
             file.write("version = 1;\nsafety = { max_age_s = 0.2; overrun_limit = 100; bad_limit = 100; };\nlimiter = { max_age_s = 0.2; };\n")
         here, there = free_port(), free_port()
-        gateway = subprocess.Popen([GATEWAY, "--udp", f"udp://127.0.0.1:{there}?listen={here}", "--duration", "5"], stdout=subprocess.PIPE, text=True)
-        run = subprocess.run([GLOVED, "--config", conf, "--fcu", f"udp://127.0.0.1:{here}?listen={there}", "--duration", "3.5",
+        gateway = subprocess.Popen([GATEWAY, "--udp", f"udp://127.0.0.1:{there}?listen={here}", "--duration", "5.5"], stdout=subprocess.PIPE, text=True)
+        run = subprocess.run([GLOVED, "--config", conf, "--fcu", f"udp://127.0.0.1:{here}?listen={there}", "--duration", "3.9",
                               "--lcm", "none", "--no-rt", "--summary", summary], capture_output=True, text=True, timeout=60)
         time.sleep(0.1)
         said = gateway.communicate(timeout=20)[0]

@@ -138,6 +138,19 @@ static void test_postures_that_do_not_come_about(void) {
   no_posture(restless, 0, "flat hand", "did not rest");
 }
 
+// Flat hand and fist exchanged (a person, or a busy machine, was ahead): every sensor moved, and yet it is refused.
+static void test_exchanged_postures_are_refused(void) {
+  load_script("best", 1);
+  CHECK(walk(NULL) == GV_POSTURES, "%d postures", calibrator.posture);
+  for (int i = 0; i < GV_SENSORS; i++) {
+    const double flat = calibrator.raw[GV_POSTURE_FLAT][i];
+    calibrator.raw[GV_POSTURE_FLAT][i] = calibrator.raw[GV_POSTURE_FIST][i];
+    calibrator.raw[GV_POSTURE_FIST][i] = flat;
+  }
+  const int n = gv_calibrator_finish(&calibrator, &base, &made, line);
+  CHECK(n == 1 && strstr(line[0], "begin again"), "%d problems: %s", n, n ? line[0] : "");
+}
+
 static void test_no_samples(void) {
   gv_calibrator_init(&calibrator);
   CHECK(gv_calibrator_finish(&calibrator, &base, &made, line) == 1 && strstr(line[0], "switch it on"), "%s", line[0]);
@@ -174,6 +187,7 @@ int main(void) {
   RUN(test_falling_glove);
   RUN(test_one_bad_sensor_is_named);
   RUN(test_postures_that_do_not_come_about);
+  RUN(test_exchanged_postures_are_refused);
   RUN(test_no_samples);
   RUN(test_jumps_do_not_count);
   RUN(test_file_round_trip);

@@ -210,6 +210,19 @@ static bool is_wrong(const gv_calibrator *c, int sensor, int direction, char out
   return false;
 }
 
+// The pinch has middle, ring and little finger straight: so it tells the flat hand from the fist, whichever way the sensors
+// run. A person who was ahead of the questions has made the fist where the flat hand was asked for.
+static bool postures_are_exchanged(const gv_calibrator *c) {
+  int nearer_fist = 0, sensors = 0;
+  for (int i = GV_MIDDLE_MPJ; i < GV_SENSORS; i++) {
+    if (!is_finger_flexion(i)) continue;
+    const double pinch = c->raw[GV_POSTURE_PINCH][i];
+    nearer_fist += fabs(pinch - c->raw[GV_POSTURE_FIST][i]) < fabs(pinch - c->raw[GV_POSTURE_FLAT][i]) ? 1 : 0;
+    sensors++;
+  }
+  return 2 * nearer_fist > sensors;
+}
+
 // ---- the calibration ------------------------------------------------------------------------------
 
 static void fit_sensor(const gv_calibrator *c, int sensor, const gv_calibration *base, gv_calibration *out) {
@@ -234,6 +247,8 @@ int gv_calibrator_finish(const gv_calibrator *c, const gv_calibration *base, gv_
   if (c->posture < GV_POSTURES) return gv_calibrator_complaints(c, problem);
   const int direction = common_direction(c);
   for (int i = 0; i < GV_SENSORS; i++) n += is_wrong(c, i, direction, problem[n]) ? 1 : 0;
+  if (n == 0 && postures_are_exchanged(c))
+    snprintf(problem[n++], GV_CALIBRATE_TEXT, "postures: in the pinch the straight fingers stand as in the fist, not as in the flat hand; begin again, and go on only when asked");
   if (n > 0) return n;
   for (int i = 0; i < GV_SENSORS; i++) fit_sensor(c, i, base, out);
   return 0;
