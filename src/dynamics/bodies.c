@@ -1,12 +1,14 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// Masses and inertias from the scene and the settings, and the bodies' states and forces. Real-time thread; set-up apart.
+// Masses and inertias from the scene and the settings, and the bodies' states and forces. Real-time thread;
+// set-up apart.
 #include "dynamics/bodies.h"
 
 #include <assert.h>
 
 #include "dynamics/dynamics.h"
 
-static void set_mass(gv_body *b, double mass_kg, double added_kg, const gv_mat3 *inertia, double added_inertia) {
+static void set_mass(gv_body *b, double mass_kg, double added_kg, const gv_mat3 *inertia,
+                     double added_inertia) {
   b->mass_kg = mass_kg;
   b->inv_mass = 1.0 / (mass_kg + added_kg);
   b->inertia = *inertia;
@@ -39,7 +41,8 @@ static double sphere_inertia_per_mass(const gv_scene *scene, const gv_object *o)
   return gv_sphere_inertia_of_box(gv_sub(hi, lo));
 }
 
-static gv_mat3 object_inertia(const gv_config *cfg, const gv_scene *scene, const gv_object *o, double mass_kg) {
+static gv_mat3 object_inertia(const gv_config *cfg, const gv_scene *scene, const gv_object *o,
+                              double mass_kg) {
   gv_mat3 inertia = {{{0}}};
   const double sphere = cfg->override_sphere_inertia ? mass_kg * sphere_inertia_per_mass(scene, o) : 0.0;
   for (int r = 0; r < 3; r++) {
@@ -68,8 +71,8 @@ static gv_vec3 choose_gravity(const gv_config *cfg, const gv_scene *scene) {
   return gv_scale(gv_normalize_or(scene->gravity_m_s2, gv_v3(0, 0, -1)), cfg->override_gravity_m_s2);
 }
 
-void gv_bodies_init(gv_bodies *bodies, const gv_config *cfg, const gv_scene *scene, const gv_spring spring[GV_LIMBS],
-                    const double limb_inertia[GV_LIMBS]) {
+void gv_bodies_init(gv_bodies *bodies, const gv_config *cfg, const gv_scene *scene,
+                    const gv_spring spring[GV_LIMBS], const double limb_inertia[GV_LIMBS]) {
   *bodies = (gv_bodies){.count = GV_LIMBS + scene->object_count, .gravity = choose_gravity(cfg, scene)};
   assert(bodies->count <= GV_BODIES);
   for (int i = 0; i < GV_LIMBS; i++) {

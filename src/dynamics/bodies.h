@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// The rigid bodies, the only copy of them: where they are, how they move, what they weigh, what pushes them in the
-// coming step. Numbers 0 to GV_LIMBS - 1 are the limbs, then come the scene's objects. Pure; real-time thread.
+// The rigid bodies, the only copy of them: where they are, how they move, what they weigh, what pushes them
+// in the coming step. Numbers 0 to GV_LIMBS - 1 are the limbs, then come the scene's objects. Pure; real-time
+// thread.
 #ifndef DYNAMICS_BODIES_H
 #define DYNAMICS_BODIES_H
 
@@ -26,8 +27,8 @@ typedef struct gv_bodies {
 } gv_bodies;
 
 // Every body of the scene and the 16 limbs, which stand. spring, limb_inertia: of each limb.
-void gv_bodies_init(gv_bodies *bodies, const gv_config *cfg, const gv_scene *scene, const gv_spring spring[GV_LIMBS],
-                    const double limb_inertia[GV_LIMBS]);
+void gv_bodies_init(gv_bodies *bodies, const gv_config *cfg, const gv_scene *scene,
+                    const gv_spring spring[GV_LIMBS], const double limb_inertia[GV_LIMBS]);
 // A limb's mass and inertia (kg m^2, about every axis), with the augmentation that belongs to its spring.
 void gv_bodies_set_limb(gv_bodies *bodies, int limb, const gv_spring *spring, double inertia);
 // What is not finite is ignored, and a static body stays where it is.

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// The order in which solvers are asked, and the share of the loop's period that each may take. Together it is at
-// most 0.65: a quarter is collision detection's, the rest the rest's. Real-time thread.
+// The order in which solvers are asked, and the share of the loop's period that each may take. Together it is
+// at most 0.65: a quarter is collision detection's, the rest the rest's. Real-time thread.
 //
-// But for one: dantzig reckons with bodies jammed into each other, where its cost is six times that of a grasp. Asked for by
-// name it may take four periods in that reckoning, so that grasps of 40 contacts fit, and a jam that is met all the same
-// makes steps late by so much at most. `auto` keeps the promise.
+// But for one: dantzig reckons with bodies jammed into each other, where its cost is six times that of a
+// grasp. Asked for by name it may take four periods in that reckoning, so that grasps of 40 contacts fit, and
+// a jam that is met all the same makes steps late by so much at most. `auto` keeps the promise.
 #include "dynamics/choice.h"
 
 #include <assert.h>
@@ -30,7 +30,10 @@ static const gv_contact_solver *const solvers[GV_SOLVERS] = {
   [GV_SOLVER_QUICKSTEP] = &gv_solver_quickstep,
 };
 
-const char *gv_solver_name(gv_solver solver) { return solver == GV_SOLVER_AUTO ? "auto" : solvers[solver]->name; }
+const char *gv_solver_name(gv_solver solver) {
+  assert(solver >= GV_SOLVER_AUTO && solver < GV_SOLVERS);
+  return solver == GV_SOLVER_AUTO ? "auto" : solvers[solver]->name;
+}
 
 bool gv_choice_open(gv_choice *choice, gv_arena *arena, const gv_config *cfg) {
   *choice = (gv_choice){.solver = cfg->solver, .period_s = cfg->period_s > 0.0 ? cfg->period_s : cfg->step_s,
@@ -53,13 +56,15 @@ void gv_choice_forget(gv_choice *choice) {
   for (int i = GV_SOLVER_NEWTON; i < GV_SOLVERS; i++) solvers[i]->forget(choice->memory[i]);
 }
 
-gv_solver_report gv_choice_solve(gv_choice *choice, gv_problem *problem, gv_velocity out_velocity[], gv_vec3 out_impulse[]) {
+gv_solver_report gv_choice_solve(gv_choice *choice, gv_problem *problem, gv_velocity out_velocity[],
+                                 gv_vec3 out_impulse[]) {
   if (problem->contact_count == 0) gv_choice_forget(choice);
   for (int i = 0; i < TURNS && problem->contact_count > 0; i++) {
     const turn *t = &order[choice->solver][i];
     if (t->solver == GV_SOLVER_AUTO) break;
     problem->budget_s = t->share * choice->effort * choice->period_s;
-    const gv_outcome outcome = solvers[t->solver]->solve(choice->memory[t->solver], problem, out_velocity, out_impulse);
+    void *memory = choice->memory[t->solver];
+    const gv_outcome outcome = solvers[t->solver]->solve(memory, problem, out_velocity, out_impulse);
     if (outcome != GV_OUTCOME_NONE) return (gv_solver_report){t->solver, outcome};
   }
   return (gv_solver_report){GV_SOLVER_AUTO, GV_OUTCOME_NONE};
@@ -72,12 +77,13 @@ static void state_ring(gv_problem *problem, int contacts) {
   problem->budget_s = 1e3;
   problem->body_count = GV_LIMBS;
   problem->contact_count = contacts;
-  for (int i = 0; i < GV_LIMBS; i++)
-    problem->body[i] = (gv_problem_body){.mass = 0.1, .inertia = {{{1e-4, 0, 0}, {0, 1e-4, 0}, {0, 0, 1e-4}}}};
+  const gv_mat3 inertia = {{{1e-4, 0, 0}, {0, 1e-4, 0}, {0, 0, 1e-4}}};
+  for (int i = 0; i < GV_LIMBS; i++) problem->body[i] = (gv_problem_body){.mass = 0.1, .inertia = inertia};
   for (int i = 0; i < contacts; i++) {
     problem->contact[i] = (gv_problem_contact){
       .body_a = i % GV_LIMBS, .body_b = (i + 1) % GV_LIMBS, .point = {0.01 * i, 0.02 * (i % 7), 0},
-      .frame = {{0, 0, 1}, {1, 0, 0}, {0, 1, 0}}, .normal_compliance = 1.0, .tangent_compliance = 1e-6, .mu = 1.0};
+      .frame = {{0, 0, 1}, {1, 0, 0}, {0, 1, 0}},
+      .normal_compliance = 1.0, .tangent_compliance = 1e-6, .mu = 1.0};
   }
 }
 

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// One step of the dynamics: bodies move freely, their contacts become a problem, a solver corrects the velocities, and the
-// bodies move with them. Real-time thread.
+// One step of the dynamics: bodies move freely, their contacts become a problem, a solver corrects the
+// velocities, and the bodies move with them. Real-time thread.
 //
-// Nothing that is not finite passes gv_bodies_add_force, gv_bodies_set_state or the contact law; the engine checks states
-// after each step.
+// Nothing that is not finite passes gv_bodies_add_force, gv_bodies_set_state or the contact law; the engine
+// checks states after each step.
 #include "dynamics/dynamics.h"
 
 #include <assert.h>
@@ -48,7 +48,9 @@ void gv_dynamics_warm_up(gv_dynamics *dyn) {
 
 const gv_body_state *gv_dynamics_state(const gv_dynamics *dyn, int body) { return &dyn->bodies.state[body]; }
 
-void gv_dynamics_set_state(gv_dynamics *dyn, int body, const gv_body_state *s) { gv_bodies_set_state(&dyn->bodies, body, s); }
+void gv_dynamics_set_state(gv_dynamics *dyn, int body, const gv_body_state *s) {
+  gv_bodies_set_state(&dyn->bodies, body, s);
+}
 
 void gv_dynamics_set_limb(gv_dynamics *dyn, int limb, const gv_spring *spring, double inertia) {
   gv_bodies_set_limb(&dyn->bodies, limb, spring, inertia);
@@ -76,7 +78,9 @@ void gv_dynamics_predict(const gv_dynamics *dyn, int body, gv_body_state *out) {
   gv_bodies_predict(&dyn->bodies, dyn->cfg->step_s, body, out);
 }
 
-void gv_dynamics_add_force(gv_dynamics *dyn, int body, gv_vec3 f, gv_vec3 t) { gv_bodies_add_force(&dyn->bodies, body, f, t); }
+void gv_dynamics_add_force(gv_dynamics *dyn, int body, gv_vec3 f, gv_vec3 t) {
+  gv_bodies_add_force(&dyn->bodies, body, f, t);
+}
 
 void gv_dynamics_set_share(gv_dynamics *dyn, double share) { dyn->choice.effort = share; }
 
@@ -109,7 +113,8 @@ static void stop_touched(gv_dynamics *dyn) {
   }
 }
 
-gv_solver_report gv_dynamics_step(gv_dynamics *dyn, const gv_dynamics_contact contact[], int count, gv_vec3 out_force[]) {
+gv_solver_report gv_dynamics_step(gv_dynamics *dyn, const gv_dynamics_contact contact[], int count,
+                                  gv_vec3 out_force[]) {
   const double h = dyn->cfg->step_s;
   state_problem(dyn, contact, count);
   const gv_solver_report report = gv_choice_solve(&dyn->choice, &dyn->problem, dyn->velocity, dyn->impulse);

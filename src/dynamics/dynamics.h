@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// Rigid bodies with contact and friction, one step at a time (Eqn 11 to 18). Bodies 0..15 are the limbs, then the scene's
-// objects. Memory from the arena; the real-time thread steps it.
+// Rigid bodies with contact and friction, one step at a time (Eqn 11 to 18). Bodies 0..15 are the limbs, then
+// the scene's objects. Memory from the arena; the real-time thread steps it.
 #ifndef DYNAMICS_H
 #define DYNAMICS_H
 
@@ -40,7 +40,8 @@ void gv_dynamics_predict(const gv_dynamics *dyn, int body, gv_body_state *out);
 
 void gv_dynamics_add_force(gv_dynamics *dyn, int body, gv_vec3 f, gv_vec3 t);
 // One step. out_force[i] receives contact i's force on its body a, newtons.
-gv_solver_report gv_dynamics_step(gv_dynamics *dyn, const gv_dynamics_contact contact[], int count, gv_vec3 out_force[]);
+gv_solver_report gv_dynamics_step(gv_dynamics *dyn, const gv_dynamics_contact contact[], int count,
+                                  gv_vec3 out_force[]);
 // Solutions so far that a solver gave up, or said to be wrong; another one did those steps.
 unsigned gv_dynamics_solver_errors(const gv_dynamics *dyn);
 // Kinetic energy of the objects plus their potential energy, joules.

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// Time stepping (Eqn 17, 18), semi-implicit: velocities without contacts, which the contact solver corrects, then
-// poses by the new velocities. Forces are explicit; the gyroscopic term is implicit, so that a spinning body does not
-// gain energy. Real-time thread.
+// Time stepping (Eqn 17, 18), semi-implicit: velocities without contacts, which the contact solver corrects,
+// then poses by the new velocities. Forces are explicit; the gyroscopic term is implicit, so that a spinning
+// body does not gain energy. Real-time thread.
 #include "dynamics/bodies.h"
 
 // R K R^T.
@@ -18,7 +18,8 @@ static gv_mat3 in_world(gv_quat q, const gv_mat3 *K) {
   return out;
 }
 
-// Spin w (body axes) after a step without torque: I (w1 - w) + h w1 x I w1 = 0, one Newton step from w (Catto 2015).
+// Spin w (body axes) after a step without torque: I (w1 - w) + h w1 x I w1 = 0, one Newton step from w (Catto
+// 2015).
 static gv_vec3 turn_freely(const gv_mat3 *I, gv_vec3 w, double h) {
   const gv_vec3 L = gv_mat3_mul(I, w);
   const gv_vec3 residual = gv_scale(gv_cross(w, L), h);
@@ -42,7 +43,8 @@ static void move_limb(const gv_body *b, const gv_body_state *s, double h, gv_pro
   out->w = gv_mad(s->w, h * b->inv_inertia.m[0][0], b->torque);
 }
 
-static void move_object(const gv_body *b, const gv_body_state *s, gv_vec3 gravity, double h, gv_problem_body *out) {
+static void move_object(const gv_body *b, const gv_body_state *s, gv_vec3 gravity, double h,
+                        gv_problem_body *out) {
   out->inertia = in_world(s->T.q, &b->inertia);
   out->v = gv_mad(gv_mad(s->v, h, gravity), h * b->inv_mass, b->force);
   const gv_vec3 by_torque = gv_mat3_mul(&b->inv_inertia, gv_rotate_inv(s->T.q, b->torque));
@@ -83,7 +85,8 @@ static void advance(gv_body_state *s, double h, const gv_velocity *velocity) {
   const gv_quat q = s->T.q;
   const gv_quat d = gv_quat_mul((gv_quat){0, s->w.x, s->w.y, s->w.z}, q);
   const double half = 0.5 * h;
-  s->T.q = gv_quat_normalize((gv_quat){q.w + half * d.w, q.x + half * d.x, q.y + half * d.y, q.z + half * d.z});
+  const gv_quat turned = {q.w + half * d.w, q.x + half * d.x, q.y + half * d.y, q.z + half * d.z};
+  s->T.q = gv_quat_normalize(turned);
 }
 
 void gv_bodies_advance(gv_bodies *bodies, double h, const gv_velocity velocity[]) {

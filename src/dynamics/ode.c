@@ -1,16 +1,18 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// The one file that knows ODE (user guide, ode.org/wiki: "Contact", "Error and memory handling", "World"). One ODE body
-// for each body number, all disabled. A call enables those that a contact names, gives them the problem's positions,
-// velocities without contacts, masses and inertias, steps, and reads their velocities. The inertia is given in world axes
-// with the rotation always the identity; there is no gravity and no gyroscopic term, for the velocities hold them
-// already; ODE's poses after the step are never read. A contact joint's rows are those of the problem:
+// The one file that knows ODE (user guide, ode.org/wiki: "Contact", "Error and memory handling", "World").
+// One ODE body for each body number, all disabled. A call enables those that a contact names, gives them the
+// problem's positions, velocities without contacts, masses and inertias, steps, and reads their velocities.
+// The inertia is given in world axes with the rotation always the identity; there is no gravity and no
+// gyroscopic term, for the velocities hold them already; ODE's poses after the step are never read. A contact
+// joint's rows are those of the problem:
 //
 //   normal   dContactMotionN = target_velocity with depth 0, soft_cfm = c_n h
 //   tangents dContactFDir1, slip1 = slip2 = c_t h, mu or force limit
 //
-// Memory: ODE's allocator is a pool in the arena, its step memory one block of it. ODE ends the process on a pivot of zero;
-// its error handler leaves the step by longjmp instead, and the pool goes back to the image that was taken of it when the
-// world was new: 2 us and no heap call, where building the world anew would take 0.1 ms and many.
+// Memory: ODE's allocator is a pool in the arena, its step memory one block of it. ODE ends the process on a
+// pivot of zero; its error handler leaves the step by longjmp instead, and the pool goes back to the image
+// that was taken of it when the world was new: 2 us and no heap call, where building the world anew would
+// take 0.1 ms and many.
 #include "dynamics/ode.h"
 
 #include <assert.h>
@@ -20,8 +22,8 @@
 
 #include "base/pool.h"
 
-// ODE keeps two step blocks, one for the islands and one for the solver. Dantzig's with 128 contacts (384 rows) asks for
-// about 3 MB; the new world takes 0.06 MB of the pool, joints 0.2 MB more.
+// ODE keeps two step blocks, one for the islands and one for the solver. Dantzig's with 128 contacts (384
+// rows) asks for about 3 MB; the new world takes 0.06 MB of the pool, joints 0.2 MB more.
 enum { STEP_BLOCKS = 2, STEP_BYTES = 5 << 20, POOL_BYTES = 1 << 20 };
 
 struct gv_ode {
@@ -108,8 +110,10 @@ static void create_world(gv_ode *o) {
   o->world = dWorldCreate();
   // A job list of its own, in the pool: ODE's shared one would keep the job of a step that was left.
   o->threading = dThreadingAllocateSelfThreadedImplementation();
-  dWorldSetStepThreadingImplementation(o->world, dThreadingImplementationGetFunctions(o->threading), o->threading);
-  dWorldSetContactMaxCorrectingVel(o->world, dInfinity);  // it bounds motionN too, and the problem has bounded that
+  const dThreadingFunctionsInfo *functions = dThreadingImplementationGetFunctions(o->threading);
+  dWorldSetStepThreadingImplementation(o->world, functions, o->threading);
+  // It bounds motionN too, and the problem has bounded that.
+  dWorldSetContactMaxCorrectingVel(o->world, dInfinity);
   const dWorldStepMemoryFunctionsInfo memory = {sizeof memory, step_alloc, step_shrink, step_free};
   const dWorldStepReserveInfo reserve = {sizeof reserve, 1.0f, STEP_BYTES};
   dWorldSetStepMemoryManager(o->world, &memory);
@@ -234,7 +238,8 @@ static void find_touched(const gv_problem *problem, bool out_touched[GV_BODIES])
   }
 }
 
-static bool step_world(gv_ode *o, const gv_problem *problem, const gv_ode_method *method, const bool touched[GV_BODIES]) {
+static bool step_world(gv_ode *o, const gv_problem *problem, const gv_ode_method *method,
+                       const bool touched[GV_BODIES]) {
   for (int i = 0; i < problem->body_count; i++)
     if (touched[i]) put_body(o, i, &problem->body[i]);
   for (int i = 0; i < problem->contact_count; i++) put_contact(o, problem, method, i);
@@ -245,7 +250,8 @@ static bool step_world(gv_ode *o, const gv_problem *problem, const gv_ode_method
 }
 
 // False where ODE gave up. No variable of this function is changed after setjmp.
-static bool try_step(gv_ode *o, const gv_problem *problem, const gv_ode_method *method, const bool touched[GV_BODIES]) {
+static bool try_step(gv_ode *o, const gv_problem *problem, const gv_ode_method *method,
+                     const bool touched[GV_BODIES]) {
   o->stepping = true;
   const bool done = setjmp(o->way_out) == 0 && step_world(o, problem, method, touched);
   o->stepping = false;
@@ -256,8 +262,8 @@ static bool try_step(gv_ode *o, const gv_problem *problem, const gv_ode_method *
 
 static gv_vec3 from_ode(const dReal *v) { return gv_v3(v[0], v[1], v[2]); }
 
-static void read_answer(gv_ode *o, const gv_problem *problem, const bool touched[GV_BODIES], gv_velocity out_velocity[],
-                        gv_vec3 out_impulse[]) {
+static void read_answer(gv_ode *o, const gv_problem *problem, const bool touched[GV_BODIES],
+                        gv_velocity out_velocity[], gv_vec3 out_impulse[]) {
   for (int i = 0; i < problem->body_count; i++) {
     if (!touched[i]) continue;
     out_velocity[i].v = from_ode(dBodyGetLinearVel(o->body[i]));
@@ -273,8 +279,8 @@ static void clear_world(gv_ode *o, const gv_problem *problem, const bool touched
     if (touched[i]) dBodyDisable(o->body[i]);
 }
 
-bool gv_ode_solve(gv_ode *o, const gv_problem *problem, const gv_ode_method *method, gv_velocity out_velocity[],
-                  gv_vec3 out_impulse[]) {
+bool gv_ode_solve(gv_ode *o, const gv_problem *problem, const gv_ode_method *method,
+                  gv_velocity out_velocity[], gv_vec3 out_impulse[]) {
   bool touched[GV_BODIES];
   const unsigned messages = o->messages;
   find_touched(problem, touched);

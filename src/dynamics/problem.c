@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// The contact law: how far a contact's gap, penetration, softness and friction (Eqn 9, 10) fix the velocities after the
-// step. Pure; real-time thread.
+// The contact law: how far a contact's gap, penetration, softness and friction (Eqn 9, 10) fix the velocities
+// after the step. Pure; real-time thread.
 #include "dynamics/problem.h"
 
 #include <assert.h>
@@ -8,9 +8,9 @@
 // A limb that finds itself deep inside an object is let out gently, not shot.
 static const double most_correcting_m_s = 0.25;
 
-// The damping of a contact, 1 / c, is one for hands and what they lift. Between bodies heavier than a kilogram it is more, so
-// that an anvil that is dropped does not go through the table; the spring, target / c, stays. Twenty times as much
-// is the most, so that a ton still settles within a second.
+// The damping of a contact, 1 / c, is one for hands and what they lift. Between bodies heavier than a
+// kilogram it is more, so that an anvil that is dropped does not go through the table; the spring, target /
+// c, stays. Twenty times as much is the most, so that a ton still settles within a second.
 static double share_of_softness(const gv_problem *problem, const gv_dynamics_contact *c) {
   const double one_kg = 1.0, least = 0.05;
   const double mass_a = problem->body[c->body_a].mass;
@@ -20,10 +20,10 @@ static double share_of_softness(const gv_problem *problem, const gv_dynamics_con
   return gv_clamp(one_kg * inverse, least, 1.0);
 }
 
-// Normal velocity that an implicit spring of k = erp / (h cfm) asks for, and its compliance. A gap may close within this
-// step, not more. A penetration leaves by the share ERP of itself, f = (erp depth / h - u) / cfm; where that is faster than a
-// deep limb may come out, the damping grows with the depth and the spring stays: f = (most - u) erp depth / (h most cfm).
-// softness: at most 1; less of it is more damping.
+// Normal velocity that an implicit spring of k = erp / (h cfm) asks for, and its compliance. A gap may close
+// within this step, not more. A penetration leaves by the share ERP of itself, f = (erp depth / h - u) / cfm;
+// where that is faster than a deep limb may come out, the damping grows with the depth and the spring stays:
+// f = (most - u) erp depth / (h most cfm). softness: at most 1; less of it is more damping.
 static void set_spring(gv_problem_contact *out, const gv_config *cfg, double depth, double softness) {
   const double h = cfg->step_s, wanted = depth < 0.0 ? depth / h : cfg->contact_erp * depth / h;
   if (wanted * softness > most_correcting_m_s) softness = most_correcting_m_s / wanted;
@@ -37,7 +37,8 @@ static bool is_sound(const gv_dynamics_contact *c) {
 }
 
 // Softness on the normal row alone: friction rows that inherit a large CFM creep and drop the object.
-static void set_contact(gv_problem_contact *out, const gv_config *cfg, const gv_dynamics_contact *c, double softness) {
+static void set_contact(gv_problem_contact *out, const gv_config *cfg, const gv_dynamics_contact *c,
+                        double softness) {
   const bool coulomb = c->friction == GV_FRICTION_PYRAMID;
   out->body_a = c->body_a;
   out->body_b = c->body_b;
@@ -52,8 +53,8 @@ static void set_contact(gv_problem_contact *out, const gv_config *cfg, const gv_
   out->friction_limit = coulomb ? 0.0 : c->mu * cfg->step_s;
 }
 
-void gv_problem_set_contacts(gv_problem *problem, const gv_config *cfg, const gv_dynamics_contact contact[], int count,
-                             int out_index[]) {
+void gv_problem_set_contacts(gv_problem *problem, const gv_config *cfg,
+                             const gv_dynamics_contact contact[], int count, int out_index[]) {
   assert(count <= GV_MAX_CONTACTS);
   problem->contact_count = 0;
   for (int i = 0; i < count; i++) {

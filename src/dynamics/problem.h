@@ -1,15 +1,17 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// The contact problem of one step: all that a contact solver may know. Find the velocities v of the bodies and the
-// impulses x of the contacts, on body a, with
+// The contact problem of one step: all that a contact solver may know. Find the velocities v of the bodies
+// and the impulses x of the contacts, on body a, with
 //
-//   M (v - v_free) = J^T x                           each body by the impulses on it
-//   u = J v                                          of a over b at each contact, in the contact's frame (n, t1, t2)
-//   0 <= x_n  |  u_n + c_n x_n - target >= 0         one of the two is zero
-//   c_t x_t + u_t = 0 where friction holds (sticking); else x_t is at its bound and opposes c_t x_t + u_t (sliding)
+//   M (v - v_free) = J^T x                 each body by the impulses on it
+//   u = J v                                of a over b at each contact, in the contact's frame (n, t1, t2)
+//   0 <= x_n | u_n + c_n x_n - target >= 0 one of the two is zero
+//   c_t x_t + u_t = 0                      where friction holds (sticking); else (sliding) x_t is at its
+//                                          bound and opposes c_t x_t + u_t
 //
-// Bound of friction: |x_t| <= mu x_n (Coulomb's law), or |x_t1|, |x_t2| <= limit (a fixed limit, Eqn 10 as ODE means
-// it). With target = erp depth / h and c = cfm / h a row is the one that ODE calls by its ERP and CFM; 1 / (c h) is the
-// stiffness of an implicit spring. Contacts become the problem in problem.c, which alone knows the contact law.
+// Bound of friction: |x_t| <= mu x_n (Coulomb's law), or |x_t1|, |x_t2| <= limit (a fixed limit, Eqn 10 as
+// ODE means it). With target = erp depth / h and c = cfm / h a row is the one that ODE calls by its ERP and
+// CFM; 1 / (c h) is the stiffness of an implicit spring. Contacts become the problem in problem.c, which
+// alone knows the contact law.
 #ifndef DYNAMICS_PROBLEM_H
 #define DYNAMICS_PROBLEM_H
 
@@ -19,7 +21,7 @@
 
 // A body in world axes. Numbers 0 to GV_LIMBS - 1 are limbs, whose inertia is the same about every axis.
 typedef struct gv_problem_body {
-  double mass;              // kg; 0: does not move, whatever pushes it (then inertia is not read, and v = w = 0)
+  double mass;              // kg; 0: does not move (then inertia is not read, and v = w = 0)
   gv_mat3 inertia;          // kg m^2, about the centre of mass, world axes
   gv_vec3 p;                // centre of mass, m
   gv_vec3 v, w;             // m/s and rad/s after the step, if there were no contacts
@@ -28,8 +30,8 @@ typedef struct gv_problem_body {
 typedef struct gv_problem_contact {
   int body_a, body_b;       // two different ones; a moves
   gv_vec3 point;            // world, m
-  gv_vec3 frame[3];         // unit and at right angles: normal, from b to a; tangents, the first along the coming slip
-  double target_velocity;   // along the normal, m/s: above 0 pushes out of a penetration, below 0 lets a gap close
+  gv_vec3 frame[3];         // orthonormal: normal, from b to a; tangents, the first along the coming slip
+  double target_velocity;   // along the normal, m/s: above 0 out of a penetration, below 0 lets a gap close
   double normal_compliance; // c_n: m/s that an impulse of 1 N s yields; above 0
   double tangent_compliance;// c_t, of both tangents; above 0
   gv_friction friction;     // law
@@ -57,9 +59,10 @@ typedef struct gv_dynamics_contact {
   double mu;                // coefficient, or newtons with GV_FRICTION_FIXED_LIMIT
 } gv_dynamics_contact;
 
-// The contact law: states contacts[] as a problem whose bodies, step and budget are there already. What is not finite,
-// has no unit normal, or whose body a does not move, is left out. out_index[i]: which of `contact` became the problem's i-th.
-void gv_problem_set_contacts(gv_problem *problem, const gv_config *cfg, const gv_dynamics_contact contact[], int count,
-                             int out_index[]);
+// The contact law: states contacts[] as a problem whose bodies, step and budget are there already. What is
+// not finite, has no unit normal, or whose body a does not move, is left out. out_index[i]: which of
+// `contact` became the problem's i-th.
+void gv_problem_set_contacts(gv_problem *problem, const gv_config *cfg,
+                             const gv_dynamics_contact contact[], int count, int out_index[]);
 
 #endif

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// Solver `quickstep`: ODE's successive over-relaxation, as many iterations as fit into the budget. Inexact, but its cost is
-// linear and it always has an answer: what the other solvers leave comes here. Real-time thread.
+// Solver `quickstep`: ODE's successive over-relaxation, as many iterations as fit into the budget. Inexact,
+// but its cost is linear and it always has an answer: what the other solvers leave comes here. Real-time
+// thread.
 #include "dynamics/ode.h"
 
 enum { LEAST = 10, MOST = 50 };            // iterations: fewer are worth nothing, more change little
@@ -8,7 +9,8 @@ static const double row_s = 15e-9;         // of one row in one iteration, as me
 
 typedef struct gv_quickstep { gv_ode *ode; } gv_quickstep;
 
-static gv_outcome solve(void *memory, const gv_problem *problem, gv_velocity out_velocity[], gv_vec3 out_impulse[]) {
+static gv_outcome solve(void *memory, const gv_problem *problem, gv_velocity out_velocity[],
+                        gv_vec3 out_impulse[]) {
   const gv_quickstep *s = memory;
   const double rows = 3.0 * fmax(problem->contact_count, 1);
   const gv_ode_method method = {.iterations = (int)gv_clamp(problem->budget_s / (row_s * rows), LEAST, MOST)};

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// What every contact solver looks like. A solver is a function of the problem: it owns no body, and what it keeps from
-// one step to the next is at most a first guess, which `forget` drops. Real-time thread; no heap, bounded time.
+// What every contact solver looks like. A solver is a function of the problem: it owns no body, and what it
+// keeps from one step to the next is at most a first guess, which `forget` drops. Real-time thread; no heap,
+// bounded time.
 #ifndef DYNAMICS_SOLVER_H
 #define DYNAMICS_SOLVER_H
 
@@ -21,9 +22,11 @@ typedef struct gv_contact_solver {
   const char *name;
   size_t memory_size;   // bytes, all zero before init
   void (*init)(void *memory, gv_ode *ode); // null: does without
-  // Writes the velocities of the bodies that move and have a contact (the others are left as they are), and the impulse on
-  // body a of each contact, N s, world axes. Calls with the same problem after `forget` give the same bits.
-  gv_outcome (*solve)(void *memory, const gv_problem *problem, gv_velocity out_velocity[], gv_vec3 out_impulse[]);
+  // Writes the velocities of the bodies that move and have a contact (the others are left as they are), and
+  // the impulse on body a of each contact, N s, world axes. Calls with the same problem after `forget` give
+  // the same bits.
+  gv_outcome (*solve)(void *memory, const gv_problem *problem, gv_velocity out_velocity[],
+                      gv_vec3 out_impulse[]);
   void (*forget)(void *memory);
 } gv_contact_solver;
 

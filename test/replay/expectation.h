@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// What a recorded trace must give: its file data/traces/NAME/expected. Lines before `steps` are written by hand, the rest
-// by `make golden`:
+// What a recorded trace must give: its file data/traces/NAME/expected. Lines before `steps` are written by
+// hand, the rest by `make golden`:
 //
 //   scene FILE                 object NAME                hold_s FROM TO: window in which the object is held in the air
 //   limits VARIANT slip_mm A tilt_deg B depth_mm C ripple_n D    in that window; `default` also holds for variants without a line

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// A recorded trace through session and engine, and what a user cares about while the object is held: slip and tilt
-// against the palm, penetration, ripple of the coupling force, friction beyond Coulomb's law, and the forces that leave.
+// A recorded trace through session and engine, and what a user cares about while the object is held: slip and
+// tilt against the palm, penetration, ripple of the coupling force, friction beyond Coulomb's law, and the
+// forces that leave.
 #ifndef TEST_REPLAY_REPLAY_H
 #define TEST_REPLAY_REPLAY_H
 

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// Every recorded trace (a folder in data/traces) through the whole engine, with each contact solver, each narrow phase
-// and each preset: the object is held within the limits that stand beside the trace, and the state's hash is the golden
-// one, for the default after every step.
+// Every recorded trace (a folder in data/traces) through the whole engine, with each contact solver, each
+// narrow phase and each preset: the object is held within the limits that stand beside the trace, and the
+// state's hash is the golden one, for the default after every step.
 //
 //   test_replay                     all traces, all variants
 //   test_replay --hashes NAME...    hashes only (other compilers and levels)
@@ -16,8 +16,8 @@ static expectation expected;
 static measures measured;
 static variant now;
 
-// A compiled scene (make scenes) is no part of the repository, and its pieces may differ in the last bits from one
-// processor to another: no golden hashes, but two replays must agree.
+// A compiled scene (make scenes) is no part of the repository, and its pieces may differ in the last bits
+// from one processor to another: no golden hashes, but two replays must agree.
 static bool is_compiled(const expectation *x) { return !strncmp(x->scene, "build/", 6); }
 static bool is_missing(const expectation *x) {
   FILE *f = fopen(x->scene, "r");

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // The contact solvers behind their table: each is a function of the problem, whatever it was asked before and
-// however that ended; dantzig's friction is Coulomb's; none calls the heap, in a thousand hopeless piles with fixed friction
-// limits, where ODE gives up now and then.
+// however that ended; dantzig's friction is Coulomb's; none calls the heap, in a thousand hopeless piles with
+// fixed friction limits, where ODE gives up now and then.
 #include <string.h>
 
 #include "daemon/load/scene_load.h"
@@ -132,8 +132,8 @@ static double excess_of_cone(const gv_problem_contact *c, gv_vec3 x) {
   return gv_norm(gv_mad(x, -normal, c->frame[0])) - c->mu * fmax(0, normal);
 }
 
-// Dantzig's and Newton's motions agree, for both mean the same problem: Coulomb's law with the round cone, of which ODE
-// knows nothing. Momentum is kept. With little friction, so that there is one solution.
+// Dantzig's and Newton's motions agree, for both mean the same problem: Coulomb's law with the round cone, of
+// which ODE knows nothing. Momentum is kept. With little friction, so that there is one solution.
 static void test_dantzig_means_the_same_problem(void) {
   gv_choice choice = open_solvers();
   static gv_problem q;
