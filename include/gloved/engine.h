@@ -11,6 +11,7 @@
 #include "gloved/hand.h"
 #include "gloved/narrow.h"
 #include "gloved/scene.h"
+#include "gloved/setting.h"
 
 typedef enum gv_rotation_law { GV_ROTATION_LOG, GV_ROTATION_PAPER } gv_rotation_law;
 // newton: ours, exact. dantzig: ODE's exact one, solved again until its friction is Coulomb's. quickstep: ODE's iterative
@@ -69,6 +70,9 @@ gv_config gv_config_default(void);
 gv_config gv_config_stock(void);
 // The same with the paper's Tables 1 and 2 in the reading of DESIGN.md ("Preset paper").
 gv_config gv_config_paper(void);
+// What a user may set of it, but for the hand's measures and poses (src/engine/config.c).
+enum { GV_ENGINE_SETTINGS = 31 };
+extern const gv_setting gv_engine_settings[GV_ENGINE_SETTINGS];
 // Null when sound, otherwise the name of the first field that is not finite or out of range.
 const char *gv_config_check(const gv_config *cfg);
 

@@ -41,8 +41,16 @@ double gv_setting_value(const gv_setting *s, const void *configuration) {
   return value;
 }
 
+static bool is_word(const gv_setting *s, const void *configuration) {
+  unsigned word, words = 0;
+  memcpy(&word, (const char *)configuration + s->offset, sizeof word);
+  while (s->words[words]) words++;
+  return word < words;
+}
+
 // A metre that became millimetres may be off by a last bit.
 bool gv_setting_sound(const gv_setting *s, const void *configuration) {
+  if (s->kind == GV_SETTING_CHOICE) return is_word(s, configuration);
   if (!is_number(s)) return true;
   const double slack = s->kind == GV_SETTING_LENGTH ? 1e-12 * fabs(s->max) : 0.0;
   for (int i = 0; i < numbers_of(s); i++) {

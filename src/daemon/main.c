@@ -342,6 +342,7 @@ int main(int argc, char **argv) {
     fprintf(stderr, "gloved: %s\n", p.err);
     return BAD_INPUT;
   }
+  if (p.options.print_config) return gv_settings_print(stdout) == 0 ? OK : BAD_INPUT;
   if (p.options.help || p.options.version) {
     if (p.options.help) fputs(gv_options_help(), stdout);
     else printf("gloved %s\n", gv_version_text());

@@ -69,6 +69,7 @@ int gv_options_parse(int argc, char **argv, gv_options *out, char *err, size_t e
     {"--no-rt", NULL, NULL, &out->no_rt, 0, 0},
     {"--strict", NULL, NULL, &out->strict, 0, 0},
     {"--doctor", NULL, NULL, &out->doctor, 0, 0},   {"--json", NULL, NULL, &out->json, 0, 0},
+    {"--print-config", NULL, NULL, &out->print_config, 0, 0},
     {"--check", NULL, NULL, &out->check, 0, 0},     {"--help", NULL, NULL, &out->help, 0, 0},
     {"--version", NULL, NULL, &out->version, 0, 0},
   };
@@ -169,6 +170,7 @@ const char *gv_options_help(void) {
     "  --strict          any system call of the real-time thread that it does not need ends the program (seccomp)\n"
     "  --no-rt           ordinary scheduling and memory\n"
     "  --doctor [--json] judge this machine for these settings, with what mends it; exit code: 0 pass, 1 warn, 2 fail\n"
+    "  --print-config    write every setting with its default and what it is: a file for --config\n"
     "  --check           load and check everything, say what was found, and end\n"
     "  --help, --version\n"
     "\n"

@@ -13,7 +13,7 @@ typedef struct gv_options {
   const char *config, *scene, *fcu, *tracker, *narrow, *solver, *lcm, *log, *record, *summary, *sync, *black_box; // null: not given
   double rate_hz;     // 0: not given
   double duration_s;  // 0: not given, without end
-  bool no_rt, strict, doctor, json, check, help, version;
+  bool no_rt, strict, doctor, json, check, print_config, help, version;
 } gv_options;
 
 enum { GV_RATE_MIN_HZ = 100, GV_RATE_MAX_HZ = 10000 };

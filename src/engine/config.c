@@ -53,39 +53,60 @@ gv_config gv_config_paper(void) {
   return c;
 }
 
-typedef struct field { const char *name; double value, min, max; } field;
+static const char *const rotation_laws[] = {[GV_ROTATION_LOG] = "log", [GV_ROTATION_PAPER] = "paper", NULL};
+static const char *const narrow_phases[] = {[GV_NARROW_CORE] = "core", [GV_NARROW_LIBCCD] = "libccd", NULL};
+static const char *const frictions[] = {[GV_FRICTION_PYRAMID] = "pyramid", [GV_FRICTION_FIXED_LIMIT] = "fixed_limit", NULL};
+static const char *const solvers[] = {[GV_SOLVER_AUTO] = "auto", [GV_SOLVER_NEWTON] = "newton", [GV_SOLVER_DANTZIG] = "dantzig",
+                                      [GV_SOLVER_QUICKSTEP] = "quickstep", NULL};
 
-static const char *check_enumerations(const gv_config *c) {
-  if ((unsigned)c->solver >= GV_SOLVERS) return "solver";
-  if (c->narrow != GV_NARROW_CORE && c->narrow != GV_NARROW_LIBCCD) return "narrow";
-  if (c->friction != GV_FRICTION_PYRAMID && c->friction != GV_FRICTION_FIXED_LIMIT) return "friction";
-  if (c->rotation_law != GV_ROTATION_LOG && c->rotation_law != GV_ROTATION_PAPER) return "rotation_law";
-  if (c->hand.side != GV_RIGHT && c->hand.side != GV_LEFT) return "hand.side";
-  return NULL;
-}
+#define NUMBER(group, key, member, min, max, sentence) \
+  {group, key, GV_SETTING_NUMBER, offsetof(gv_config, member), min, max, GV_LAXER_NEVER, NULL, sentence}
+#define BOOL(group, key, member, sentence) \
+  {group, key, GV_SETTING_BOOL, offsetof(gv_config, member), 0, 1, GV_LAXER_NEVER, NULL, sentence}
+#define CHOICE(group, key, member, words, sentence) \
+  {group, key, GV_SETTING_CHOICE, offsetof(gv_config, member), 0, 0, GV_LAXER_NEVER, words, sentence}
+#define SPRING(group, mass, spring, mass_says, k_f_says, d_f_says, k_t_says, d_t_says) \
+  NUMBER(group, "mass_kg", mass, 1e-4, 10, mass_says), \
+  NUMBER(group, "k_f", spring.k_f, 0, 1e6, k_f_says), NUMBER(group, "d_f", spring.d_f, -1, 1e5, d_f_says), \
+  NUMBER(group, "k_t", spring.k_t, 0, 1e4, k_t_says), NUMBER(group, "d_t", spring.d_t, -1, 1e3, d_t_says)
+
+const gv_setting gv_engine_settings[GV_ENGINE_SETTINGS] = {
+  NUMBER("filter", "corner_hz", filter_hz, 0, 1000, "critically damped low pass; delay 1 / (pi corner_hz); 0: off"),
+  NUMBER("filter", "rest_hz", filter_rest_hz, 0, 1000, "the corner for what stands still; it goes up with speed, to corner_hz at\n"
+         "0.64 rad/s or 0.29 m/s; 0: corner_hz always"),
+  NUMBER("filter", "gate_rad_s", gate_rad_s, 0, 1000, "a joint that jumps faster in one sample waits for a second sample that agrees; 0: off"),
+  NUMBER("filter", "gate_m_s", gate_m_s, 0, 1000, "the same for the tracker's position (its orientation goes by gate_rad_s)"),
+  NUMBER("filter", "prediction_s", prediction_s, 0, 0.1, "lead the hand along its velocity: takes back delay, adds noise; 0.011 undoes 30 Hz;\n"
+         "only with the filter"),
+  CHOICE("coupling", "rotation_law", rotation_law, rotation_laws, "torque along the rotation vector; \"paper\": Eqn 3 and 4, fading beyond 90 degrees"),
+  BOOL("coupling", "limb_gravity", limb_gravity, "the limbs have weight"),
+  SPRING("coupling.limb", limb_mass_kg, limb, "", "N/m", "N s/m; below 0: critical damping", "N m/rad", "N m s/rad; below 0: critical damping"),
+  SPRING("coupling.palm", palm_mass_kg, palm, "", "", "", "", ""),
+  CHOICE("contact", "narrow", narrow, narrow_phases, "the narrow phase: our own; \"libccd\": the package's, where deep overlaps are seen a bit deeper"),
+  NUMBER("contact", "mu_hand", mu_hand, 0, 1e4, "friction of the skin; objects have theirs in the scene"),
+  CHOICE("contact", "friction", friction, frictions, "Coulomb; \"fixed_limit\": mu is a force in newtons (Eqn 10)"),
+  NUMBER("contact", "erp", contact_erp, 0, 1, "share of a penetration that one step takes back"),
+  NUMBER("contact", "cfm", contact_cfm, 1e-9, 1, "softness of a contact's normal, m/(N s)"),
+  NUMBER("contact", "world_cfm", world_cfm, 1e-14, 1e-2, "softness of everything else; never 0"),
+  {"contact", "margin_mm", GV_SETTING_LENGTH, offsetof(gv_config, contact_margin_m), 0, 10, GV_LAXER_NEVER, NULL, "gaps below this are contacts already"},
+  NUMBER("solver", "step_s", step_s, 1e-5, 0.02, "integration step; 1 / rate_hz unless the simulation is to run slower or faster than time"),
+  CHOICE("solver", "method", solver, solvers, "\"newton\" (ours), \"dantzig\" (ODE's, exact), \"quickstep\" (ODE's, iterative); auto: newton, and\n"
+         "what it leaves to dantzig where that fits into the period, else to quickstep"),
+  NUMBER("solver", "rest_s", rest_s, 0, 100, "an object that lies still for so long is left alone until something comes near; 0: never"),
+  NUMBER("override", "gravity_m_s2", override_gravity_m_s2, 0, 100, ""),
+  NUMBER("override", "mass_kg", override_mass_kg, 0, 1000, ""),
+  NUMBER("override", "mu", override_mu, 0, 1e4, ""),
+  BOOL("override", "sphere_inertia", override_sphere_inertia, ""),
+};
+
+static bool within(double value, double min, double max) { return value >= min && value <= max; }  // no not-a-number is
 
 const char *gv_config_check(const gv_config *c) {
-  const field f[] = {
-    {"step_s", c->step_s, 1e-5, 0.02}, {"operations_per_s", c->operations_per_s, 1e6, 1e11}, {"period_s", c->period_s, 0, 0.02},
-    {"limb_mass_kg", c->limb_mass_kg, 1e-4, 10}, {"palm_mass_kg", c->palm_mass_kg, 1e-4, 10},
-    {"limb.k_f", c->limb.k_f, 0, 1e6}, {"limb.d_f", c->limb.d_f, -1, 1e5},
-    {"limb.k_t", c->limb.k_t, 0, 1e4}, {"limb.d_t", c->limb.d_t, -1, 1e3},
-    {"palm.k_f", c->palm.k_f, 0, 1e6}, {"palm.d_f", c->palm.d_f, -1, 1e5},
-    {"palm.k_t", c->palm.k_t, 0, 1e4}, {"palm.d_t", c->palm.d_t, -1, 1e3},
-    {"filter_hz", c->filter_hz, 0, 1000}, {"filter_rest_hz", c->filter_rest_hz, 0, 1000},
-    {"gate_rad_s", c->gate_rad_s, 0, 1000}, {"gate_m_s", c->gate_m_s, 0, 1000},
-    {"prediction_s", c->prediction_s, 0, 0.1},
-    {"mu_hand", c->mu_hand, 0, 1e4},
-    {"contact_erp", c->contact_erp, 0, 1}, {"contact_cfm", c->contact_cfm, 1e-9, 1},
-    {"world_cfm", c->world_cfm, 1e-14, 1e-2}, {"contact_margin_m", c->contact_margin_m, 0, 0.01},
-    {"rest_s", c->rest_s, 0, 100},
-    {"override_gravity_m_s2", c->override_gravity_m_s2, 0, 100}, {"override_mass_kg", c->override_mass_kg, 0, 1000},
-    {"override_mu", c->override_mu, 0, 1e4},
-  };
-  for (size_t i = 0; i < sizeof f / sizeof *f; i++)
-    if (!(f[i].value >= f[i].min && f[i].value <= f[i].max)) return f[i].name;  // a not-a-number fails too
-  const char *unknown = check_enumerations(c);
-  if (unknown) return unknown;
+  for (int i = 0; i < GV_ENGINE_SETTINGS; i++)
+    if (!gv_setting_sound(&gv_engine_settings[i], c)) return gv_engine_settings[i].key;
+  if (!within(c->period_s, 0, 0.02)) return "period_s";
+  if (!within(c->operations_per_s, 1e6, 1e11)) return "operations_per_s";
+  if (c->hand.side != GV_RIGHT && c->hand.side != GV_LEFT) return "hand.side";
   for (int i = 0; i < GV_FINGERS; i++)
     for (int s = 0; s < 3; s++) {
       if (!(c->hand.segment_m[i][s] > 0.001 && c->hand.segment_m[i][s] < 0.2)) return "hand.segment_m";

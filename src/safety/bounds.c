@@ -27,7 +27,7 @@ const gv_setting gv_safety_settings[GV_SAFETY_SETTINGS] = {
   SAFETY(arm_below_n, GV_SETTING_NUMBER, 0.0, 0.5, GV_LAXER_ABOVE, "forces must be this small when the switch is closed; at most 0.5"),
   SAFETY(bad_limit, GV_SETTING_COUNT, 1, 100, GV_LAXER_ABOVE, "bad frames within bad_window_s; at most 100"),
   SAFETY(bad_window_s, GV_SETTING_NUMBER, 0.05, 10.0, GV_LAXER_BELOW, "at least 0.05"),
-  SAFETY(overrun_limit, GV_SETTING_COUNT, 1, 100, GV_LAXER_ABOVE, "missed periods within the window; at most 100, and never more than half of them"),
+  SAFETY(overrun_limit, GV_SETTING_COUNT, 1, 100, GV_LAXER_ABOVE, "missed periods within the window; at most 100, and never more than three quarters of them"),
 };
 
 static const char *unsound(const gv_setting rows[], int count, const void *configuration) {

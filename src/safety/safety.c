@@ -36,8 +36,8 @@ static double leak(double level, unsigned events, double dt_s, double window_s) 
   return kept + events;
 }
 
-// Half of the window's periods: where few fit into it, a limit above their number would never be passed.
-static double most_overruns(const gv_safety_config *c, double dt_s) { return fmax(2.0, 0.5 * c->bad_window_s / dt_s); }
+// Three quarters of the window's periods: where few fit into it, a limit above their number would never be passed.
+static double most_overruns(const gv_safety_config *c, double dt_s) { return fmax(2.0, 0.75 * c->bad_window_s / dt_s); }
 
 static uint32_t present_faults(gv_safety *s, const gv_safety_input *in, double dt_s) {
   const gv_safety_config *c = &s->cfg;

@@ -26,9 +26,10 @@ def box(run):
 
 
 def device_frames(name):
-    """Identifier and data of what the device sent, in order. The digit of flags is left out: candump shows more of them."""
+    """Identifier and data of what the device sent, in order (no commands, and no EFFORT, which is in recordings alone). The
+    digit of flags is left out: candump shows more of them."""
     frames = [line.split()[2].split("#") for line in text(name).splitlines()]
-    return [frame[0] + "#" * (len(frame) - 1) + (frame[-1][1:] if len(frame) == 3 else frame[-1]) for frame in frames if frame[0] != "090"]
+    return [frame[0] + "#" * (len(frame) - 1) + (frame[-1][1:] if len(frame) == 3 else frame[-1]) for frame in frames if frame[0] not in ("090", "0F0")]
 
 
 def reached(name, *words):

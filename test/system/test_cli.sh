@@ -77,7 +77,7 @@ refused sync_word '"glove"' --sync glove
 refused summary_place "$tmp/no/x.json" --fcu "$press" --lcm none --summary "$tmp/no/x.json"
 
 "$gloved" --help > "$tmp/help"; code=$?
-for option in --config --scene --fcu --tracker --rate --narrow --solver --duration --lcm --log --record --summary --no-rt --strict --sync --doctor --json --check --help --version; do
+for option in --config --scene --fcu --tracker --rate --narrow --solver --duration --lcm --log --record --summary --no-rt --strict --sync --doctor --json --check --print-config --help --version; do
   grep -q -e "$option" "$tmp/help" || code=1
 done
 verdict help_names_every_option $code "$(cat "$tmp/help")"

@@ -60,6 +60,23 @@ static void test_example_equals_the_defaults(void) {
   SAME(mlock);
 }
 
+// data/gloved.conf is what --print-config writes: one table says what a setting is (`gloved --print-config > data/gloved.conf`).
+static void test_the_documented_configuration_comes_from_the_table(void) {
+  char *written = NULL;
+  size_t size = 0;
+  FILE *out = open_memstream(&written, &size);
+  CHECK(gv_settings_print(out) == 0, "not written");
+  fclose(out);
+  static char file[65536];
+  FILE *in = fopen("data/gloved.conf", "rb");
+  const size_t length = in ? fread(file, 1, sizeof file, in) : 0;
+  if (in) fclose(in);
+  size_t same = 0, line = 1;
+  while (same < length && same < size && file[same] == written[same]) line += file[same++] == '\n';
+  CHECK(same == length && same == size, "data/gloved.conf differs from --print-config in line %zu", line);
+  free(written);
+}
+
 static void test_empty_file_is_the_default(void) {
   gv_settings a, b;
   CHECK(load_settings("version = 1;\n", &a) == 0, "%s", err);
@@ -311,10 +328,10 @@ static void test_unknown_enumerations_are_refused(void) {
   gv_config c = gv_config_default();
   CHECK(gv_config_check(&c) == NULL, "the default is sound");
   c.solver = (gv_solver)7;
-  CHECK(gv_config_check(&c) && !strcmp(gv_config_check(&c), "solver"), "solver 7");
+  CHECK(gv_config_check(&c) && !strcmp(gv_config_check(&c), "method"), "solver 7");
   c = gv_config_default();
   c.solver = (gv_solver)-1;
-  CHECK(gv_config_check(&c) && !strcmp(gv_config_check(&c), "solver"), "solver -1");
+  CHECK(gv_config_check(&c) && !strcmp(gv_config_check(&c), "method"), "solver -1");
   c = gv_config_default();
   c.friction = (gv_friction)5;
   CHECK(gv_config_check(&c) && !strcmp(gv_config_check(&c), "friction"), "friction 5");
@@ -378,6 +395,7 @@ static void test_reason_fits_its_buffer(void) {
 
 int main(void) {
   RUN(test_example_equals_the_defaults);
+  RUN(test_the_documented_configuration_comes_from_the_table);
   RUN(test_empty_file_is_the_default);
   RUN(test_defaults_are_sound);
   RUN(test_unknown_narrow_phase_is_refused);

@@ -104,146 +104,16 @@ static void read_pose(gv_conf_group *root, const char *key, double limit_mm, gv_
   gv_conf_leave(&pose);
 }
 
-static void read_filter(gv_conf_group *root, gv_config *out) {
-  gv_conf_group filter;
-  if (!gv_conf_enter(root, "filter", &filter)) return;
-  gv_conf_number(&filter, "corner_hz", 0, 1000, &out->filter_hz);
-  gv_conf_number(&filter, "rest_hz", 0, 1000, &out->filter_rest_hz);
-  gv_conf_number(&filter, "gate_rad_s", 0, 1000, &out->gate_rad_s);
-  gv_conf_number(&filter, "prediction_s", 0, 0.1, &out->prediction_s);
-  gv_conf_number(&filter, "gate_m_s", 0, 1000, &out->gate_m_s);
-  gv_conf_leave(&filter);
-}
-
-// ---- physics --------------------------------------------------------------------------------------
-
-static void read_spring(gv_conf_group *coupling, const char *key, double *mass_kg, gv_coupling *out) {
-  gv_conf_group spring;
-  if (!gv_conf_enter(coupling, key, &spring)) return;
-  gv_conf_number(&spring, "mass_kg", 1e-4, 10, mass_kg);
-  gv_conf_number(&spring, "k_f", 0, 1e6, &out->k_f);
-  gv_conf_number(&spring, "d_f", -1, 1e5, &out->d_f);
-  gv_conf_number(&spring, "k_t", 0, 1e4, &out->k_t);
-  gv_conf_number(&spring, "d_t", -1, 1e3, &out->d_t);
-  gv_conf_leave(&spring);
-}
-
-static void read_coupling(gv_conf_group *root, gv_config *out) {
-  static const char *const laws[] = {"log", "paper", NULL};
-  gv_conf_group coupling;
-  if (!gv_conf_enter(root, "coupling", &coupling)) return;
-  int law;
-  if (gv_conf_choice(&coupling, "rotation_law", laws, &law))
-    out->rotation_law = law ? GV_ROTATION_PAPER : GV_ROTATION_LOG;
-  gv_conf_bool(&coupling, "limb_gravity", &out->limb_gravity);
-  read_spring(&coupling, "limb", &out->limb_mass_kg, &out->limb);
-  read_spring(&coupling, "palm", &out->palm_mass_kg, &out->palm);
-  gv_conf_leave(&coupling);
-}
-
-static const char *const narrow_names[] = {[GV_NARROW_CORE] = "core", [GV_NARROW_LIBCCD] = "libccd", NULL};
-
-int gv_settings_set_narrow(gv_config *out, const char *name) {
-  for (int i = 0; narrow_names[i]; i++) {
-    if (strcmp(narrow_names[i], name)) continue;
-    out->narrow = (gv_narrow)i;
-    return 0;
-  }
-  return -1;
-}
-
-static void read_narrow(gv_conf_group *contact, gv_config *out) {
-  int narrow;
-  if (gv_conf_choice(contact, "narrow", narrow_names, &narrow)) out->narrow = (gv_narrow)narrow;
-}
-
-static void read_contact(gv_conf_group *root, gv_config *out) {
-  static const char *const models[] = {"pyramid", "fixed_limit", NULL};
-  gv_conf_group contact;
-  if (!gv_conf_enter(root, "contact", &contact)) return;
-  int model;
-  read_narrow(&contact, out);
-  gv_conf_number(&contact, "mu_hand", 0, 1e4, &out->mu_hand);
-  if (gv_conf_choice(&contact, "friction", models, &model))
-    out->friction = model ? GV_FRICTION_FIXED_LIMIT : GV_FRICTION_PYRAMID;
-  gv_conf_number(&contact, "erp", 0, 1, &out->contact_erp);
-  gv_conf_number(&contact, "cfm", 1e-9, 1, &out->contact_cfm);
-  gv_conf_number(&contact, "world_cfm", 1e-14, 1e-2, &out->world_cfm);
-  read_mm(&contact, "margin_mm", 0, 10, &out->contact_margin_m);
-  gv_conf_leave(&contact);
-}
-
-int gv_settings_set_solver(gv_config *out, const char *name) {
-  for (int i = 0; i < GV_SOLVERS; i++) {
-    if (strcmp(gv_solver_name((gv_solver)i), name) != 0) continue;
-    out->solver = (gv_solver)i;
-    return 0;
-  }
-  return -1;
-}
-
-static void read_method(gv_conf_group *group, const char *key, gv_config *out) {
-  const char *names[GV_SOLVERS + 1] = {NULL};
-  int method;
-  for (int i = 0; i < GV_SOLVERS; i++) names[i] = gv_solver_name((gv_solver)i);
-  if (gv_conf_choice(group, key, names, &method)) out->solver = (gv_solver)method;
-}
+int gv_settings_set_narrow(gv_config *out, const char *name) { return gv_settings_set_word("contact", "narrow", out, name); }
+int gv_settings_set_solver(gv_config *out, const char *name) { return gv_settings_set_word("solver", "method", out, name); }
 
 // A word names the solver alone.
-static void read_solver(gv_conf_group *root, gv_config *out) {
-  gv_conf_group group;
-  if (gv_conf_is_text(gv_conf_find(root, "solver"))) {
-    read_method(root, "solver", out);
-    return;
-  }
-  if (!gv_conf_enter(root, "solver", &group)) return;
-  gv_conf_number(&group, "step_s", 1e-5, 0.02, &out->step_s);
-  read_method(&group, "method", out);
-  gv_conf_number(&group, "rest_s", 0, 100, &out->rest_s);
-  gv_conf_leave(&group);
-}
-
-static void read_override(gv_conf_group *root, gv_config *out) {
-  gv_conf_group override;
-  if (!gv_conf_enter(root, "override", &override)) return;
-  gv_conf_number(&override, "gravity_m_s2", 0, 100, &out->override_gravity_m_s2);
-  gv_conf_number(&override, "mass_kg", 0, 1000, &out->override_mass_kg);
-  gv_conf_number(&override, "mu", 0, 1e4, &out->override_mu);
-  gv_conf_bool(&override, "sphere_inertia", &out->override_sphere_inertia);
-  gv_conf_leave(&override);
-}
-
-// ---- forces and process ---------------------------------------------------------------------------
-
-static void read_protection(gv_conf_group *root, gv_settings *out) {
-  gv_conf_group group;
-  if (gv_conf_enter(root, "limiter", &group)) {
-    gv_settings_read_rows(&group, gv_limiter_settings, GV_LIMITER_SETTINGS, &out->limiter);
-    gv_conf_leave(&group);
-  }
-  if (!gv_conf_enter(root, "safety", &group)) return;
-  gv_settings_read_rows(&group, gv_safety_settings, GV_SAFETY_SETTINGS, &out->safety);
-  gv_conf_leave(&group);
-}
-
-static void read_realtime(gv_conf_group *root, gv_settings *out) {
-  gv_conf_group realtime;
-  // The simulation keeps up with time unless solver.step_s, read later, says otherwise.
-  if (gv_conf_number(root, "rate_hz", 100, 10000, &out->rate_hz)) out->engine.step_s = 1.0 / out->rate_hz;
-  if (!gv_conf_enter(root, "realtime", &realtime)) return;
-  gv_conf_integer(&realtime, "cpu", -1, 1023, &out->cpu);
-  gv_conf_integer(&realtime, "priority", 0, 99, &out->rt_priority);
-  double operations = 0;
-  gv_conf_number(&realtime, "operations_per_s", 0, 1e11, &operations);
-  if (operations > 0) {
-    out->engine.operations_per_s = operations;
-    out->operations_given = true;
-  }
-  gv_conf_bool(&realtime, "mlock", &out->mlock);
-  gv_conf_bool(&realtime, "cpu_dma_latency", &out->cpu_dma_latency);
-  gv_conf_bool(&realtime, "strict", &out->strict);
-  gv_conf_bool(&realtime, "sync_device", &out->sync_device);
-  gv_conf_leave(&realtime);
+static void read_solver_word(gv_conf_group *root, gv_config *out) {
+  gv_conf_node node = gv_conf_find(root, "solver");
+  const char *words[GV_SOLVERS + 1] = {NULL};
+  int method;
+  for (int i = 0; i < GV_SOLVERS; i++) words[i] = gv_solver_name((gv_solver)i);
+  if (gv_conf_is_text(node) && gv_conf_choice(root, "solver", words, &method)) out->solver = (gv_solver)method;
 }
 
 static void read_preset(gv_conf_group *root, gv_config *out) {
@@ -253,31 +123,26 @@ static void read_preset(gv_conf_group *root, gv_config *out) {
   if (gv_conf_choice(root, "preset", presets, &preset)) *out = make[preset]();
 }
 
-static void read_calibration(gv_conf_group *root, gv_settings *out) {
+static void load_calibration(gv_conf_group *root, gv_settings *out) {
   char reason[GV_SETTING_TEXT + 256];
-  if (!gv_conf_text(root, "calibration", out->calibration, sizeof out->calibration) || !out->calibration[0]) return;
+  if (!gv_conf_has(gv_conf_find(root, "calibration")) || !out->calibration[0]) return;
   if (gv_calibration_load(out->calibration, &out->engine.calibration, reason, sizeof reason))
     gv_conf_fail(gv_conf_find(root, "calibration"), "%s", reason);
 }
 
 static void read_settings(gv_conf_group *root, gv_settings *out) {
   read_preset(root, &out->engine); // first: everything else changes what it sets
-  gv_conf_text(root, "scene", out->scene, sizeof out->scene);
-  gv_conf_text(root, "fcu", out->fcu, sizeof out->fcu);
-  gv_conf_text(root, "tracker", out->tracker, sizeof out->tracker);
-  gv_conf_text(root, "lcm", out->lcm, sizeof out->lcm);
-  gv_conf_text(root, "black_box", out->black_box, sizeof out->black_box);
-  read_calibration(root, out);
-  read_realtime(root, out);
+  gv_settings_read_group(root, "", out);
+  load_calibration(root, out);
+  // The simulation keeps up with time unless solver.step_s, read later, says otherwise.
+  if (gv_conf_has(gv_conf_find(root, "rate_hz"))) out->engine.step_s = 1.0 / out->rate_hz;
   read_hand(root, &out->engine.hand);
   read_pose(root, "receiver", 500, &out->engine.T_receiver_wrist);
   read_pose(root, "tracker_to_world", 10000, &out->T_world_tracker);
-  read_filter(root, &out->engine);
-  read_coupling(root, &out->engine);
-  read_contact(root, &out->engine);
-  read_solver(root, &out->engine);
-  read_override(root, &out->engine);
-  read_protection(root, out);
+  read_solver_word(root, &out->engine);
+  gv_settings_read_groups(root, out);
+  out->operations_given = out->operations_per_s > 0.0;
+  if (out->operations_given) out->engine.operations_per_s = out->operations_per_s;
   gv_conf_leave(root);
 }
 

@@ -5,6 +5,7 @@
 #define GLOVED_CONFIG_LOAD_H
 
 #include <stddef.h>
+#include <stdio.h>
 
 #include "gloved/engine.h"
 #include "gloved/force.h"
@@ -30,6 +31,7 @@ typedef struct gv_settings {
   bool sync_device;                  // --sync device: the glove's frame begins a step
   bool strict;                       // --strict: a list of system calls for the real-time thread
   bool cpu_dma_latency;              // hold /dev/cpu_dma_latency at zero while running
+  double operations_per_s;           // of collision detection; 0: measured at the start
   bool operations_given;             // engine.operations_per_s is the file's: nothing is measured
   bool mlock;                        // keep all memory in RAM
 } gv_settings;
@@ -39,6 +41,8 @@ enum { GV_LAXER_TEXT = 512 };
 void gv_settings_laxer(const gv_limiter_config *limiter, const gv_safety_config *safety, char out[GV_LAXER_TEXT]);
 
 void gv_settings_default(gv_settings *out);
+// data/gloved.conf: every setting with its default and its sentence. 0, or negative where the file refused a byte.
+int gv_settings_print(FILE *out);
 // The defaults, then the file's preset, then everything else that the file sets (the calibration file is
 // read too). 0, or negative with the reason in err; *out is then not to be used.
 int gv_settings_load(const char *path, gv_settings *out, char *err, size_t err_size);

@@ -6,8 +6,16 @@
 #include "daemon/load/conf.h"
 #include "daemon/load/config_load.h"
 
-// Reads each row's key from the group that is open, into `configuration`; the rows' own group is not looked at.
-void gv_settings_read_rows(gv_conf_group *group, const gv_setting rows[], int count, void *configuration);
+// The rows of one group, from the group of the file that is open.
+void gv_settings_read_group(gv_conf_group *open, const char *group, gv_settings *out);
+// All groups that consist of rows, below the file's root.
+void gv_settings_read_groups(gv_conf_group *root, gv_settings *out);
+// A choice of the engine by its word. 0, or negative where there is no such word: nothing has changed then.
+int gv_settings_set_word(const char *group, const char *key, gv_config *out, const char *word);
+
+// The rows of a group in their order, with the configuration that each lies in; null: no more. *io_at starts at 0.
+typedef struct gv_settings_row { const gv_setting *setting; void *configuration; } gv_settings_row;
+gv_settings_row gv_settings_next(const char *group, gv_settings *settings, int *io_at);
 
 // Millimetres of a file in metres, with the last bit that the same number written in metres has.
 double gv_settings_metres(double mm);
