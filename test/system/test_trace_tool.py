@@ -82,6 +82,64 @@ def test_import_fills_in_and_says_so():
     assert glove[1][2]["IndexMpj"] == 4095
 
 
+# A CyberGlove's sensors in its order, by its own names (CyberGlove: "?"-commands; ninapro's DB9 lists the same 22).
+GLOVE = SENSORS
+
+
+def imported(name, text, *options):
+    done = run("import", path(name, text), "-o", path("imported.log"), *options)
+    return done, [f for f in frames(path("imported.log")) if f[1] == "GLOVE"]
+
+
+def test_import_of_public_tables():
+    """The same angles however a table parts its cells, with a header or without, in radians, degrees or counts."""
+    rows = [[random.uniform(0, 1.4) for _ in GLOVE] for _ in range(5)]
+    def table(separator, scale, header=""):
+        return header + "".join(separator.join(f"{v * scale:.6f}" for v in row) + "\n" for row in rows)
+    deg = 180 / math.pi
+    for text, options in [(table(",", 1), ()), (table(";", deg), ("--degrees",)), (table("\t", 1), ()), (table("  ", deg), ("--degrees",)),
+                          (table(" ", 1, "a line about the file\n"), ())]:
+        _, gloves = imported("public.txt", text, "--columns", "cyberglove22", "--rows", "90", *options)
+        assert len(gloves) == len(rows), text[:80]
+        for i, (row, glove) in enumerate(zip(rows, gloves)):
+            assert abs(glove[0] - i / 90) < 1e-6
+            for sensor, want in zip(GLOVE, row):
+                assert abs(angle(glove[2], sensor) - want) <= HALF_COUNT * 1.001 + 1e-5, (sensor, options)
+
+
+def test_import_of_counts_and_of_18_sensors():
+    _, gloves = imported("counts.txt", "0 " + " ".join(["128"] * 18) + " 7\n0.01 " + " ".join(["255"] * 18) + " 7\n", "--counts", "255", "--columns", "t_s,cyberglove18,-")
+    assert gloves[0][2]["IndexMpj"] == gloves[0][2]["WristYaw"] == round(128 * 4095 / 255) and gloves[1][2]["LittlePij"] == 4095, gloves[0]
+    want = 2 / 3 * angle(gloves[0][2], "index_pij")
+    assert abs(angle(gloves[0][2], "index_dij") - want) < 0.3, "the distal joint follows"
+
+
+def test_import_of_columns_with_terms():
+    done, gloves = imported("terms.csv", "0,30,10\n1,60,20\n", "--degrees", "--columns", "t_s,thumb_rotate*0.5-10&thumb_abduction*0.25,index_mpj*-1")
+    for glove, roll, mpj in zip(gloves, (30, 60), (10, 20)):
+        for sensor, want in (("thumb_rotate", 0.5 * roll - 10), ("thumb_abduction", 0.25 * roll), ("index_mpj", -mpj)):
+            assert abs(math.degrees(angle(glove[2], sensor)) - want) < 0.05, (sensor, want)
+    poses = [f for f in frames(path("imported.log")) if f[1] == "POSE"]
+    assert poses[0][2]["PositionX"] < -0.6 - 0.2 and poses[0][2]["PositionZ"] > 0.1, "without a wrist the hand stands beside the table"
+    for options, words in ((("--columns", "t_s,bogus"), "bogus is no column"), (("--columns", "cyberglove22"), "no column t_s"), (("--counts", "0"), "largest count"),
+                           (("--counts", "255", "--virtualhand"), "leave one")):
+        bad = run("import", path("terms.csv"), "-o", path("x.log"), *options, code=2)
+        assert words in bad.stderr, bad.stderr
+
+
+def test_import_of_virtualhand_angles():
+    """Flexion negative; the thumb's roll of 39 degrees is the flat hand, 99 the opposed thumb of our calibration's pinch."""
+    names = dict.fromkeys(GLOVE, 0.0)
+    def row(**angles):
+        return ",".join(str({**names, **angles}[n]) for n in GLOVE) + "\n"
+    text = row(thumb_rotate=39) + row(thumb_rotate=99, thumb_mpj=-20, thumb_ij=-20, index_mpj=-55, index_pij=-50, index_dij=-33, thumb_abduction=77, middle_index_abduction=4)
+    _, gloves = imported("virtualhand.csv", text, "--columns", "cyberglove22", "--rows", "100", "--degrees", "--virtualhand")
+    for glove, wanted in zip(gloves, ({"thumb_rotate": 0, "thumb_abduction": 0}, {"thumb_rotate": 30, "thumb_abduction": 35, "thumb_mpj": 20, "thumb_ij": 20,
+                                      "index_mpj": 55, "index_pij": 50, "index_dij": 33, "middle_index_abduction": 4})):
+        for sensor, want in wanted.items():
+            assert abs(math.degrees(angle(glove[2], sensor)) - want) < 0.05, (sensor, want)
+
+
 def test_import_interpolates_to_a_rate():
     csv = path("two.csv", "t_s,index_mpj,px,py,pz,qw,qx,qy,qz\n10,0,0,0,0,1,0,0,0\n10.1,1,1,0,0,0,0,0,-1\n")
     run("import", csv, "-o", path("two.log"), "--rate", "1000")

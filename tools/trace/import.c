@@ -18,6 +18,7 @@ typedef struct job {
   const char *csv, *wrist, *out;
   double rate_hz, wrist_rate_hz;   // rate 0: the file's own times
   bool left;
+  table_format format;
   series hand, pose;
 } job;
 
@@ -117,7 +118,7 @@ static int read_wrist(job *j) {
 }
 
 static int import(job *j) {
-  int code = table_read_csv(j->csv, &j->hand, &j->pose);
+  int code = table_read_csv(j->csv, &j->format, &j->hand, &j->pose);
   if (!code && j->wrist) code = read_wrist(j);
   if (!code && j->rate_hz * fmax(last_time(&j->hand), last_time(&j->pose)) > ROWS_MAX)
     code = trace_fail(EXIT_BAD_INPUT, "%s: too long (%.0f s); cut it, or check that t_s is in seconds", j->csv,
@@ -137,14 +138,28 @@ int trace_import(int argc, char **argv) {
                                           {"wrist-rate", required_argument, NULL, 'W'},
                                           {"rate", required_argument, NULL, 'r'},
                                           {"left", no_argument, NULL, 'l'},
+                                          {"columns", required_argument, NULL, 'c'},
+                                          {"rows", required_argument, NULL, 'R'},
+                                          {"degrees", no_argument, NULL, 'd'},
+                                          {"counts", required_argument, NULL, 'C'},
+                                          {"virtualhand", no_argument, NULL, 'v'},
                                           {NULL, 0, NULL, 0}};
-  job j = {.wrist_rate_hz = 100};
+  job j = {.wrist_rate_hz = 100, .format = {.unit_rad = 1}};
   opterr = 0;
   for (int c; (c = getopt_long(argc, argv, "o:", options, NULL)) != -1;) {
     bool good = true;
     if (c == 'o') j.out = optarg;
     else if (c == 'w') j.wrist = optarg;
     else if (c == 'l') j.left = true;
+    else if (c == 'c') j.format.columns = optarg;
+    else if (c == 'd') j.format.unit_rad = GV_PI / 180;
+    else if (c == 'v') j.format.virtualhand = true;
+    else if (c == 'R') good = trace_number(optarg, 0.1, 10000, &j.format.rows_hz);
+    else if (c == 'C') {
+      j.format.unit_rad = 0;
+      if (!trace_number(optarg, 1, 65535, &j.format.counts))
+        return trace_fail(EXIT_BAD_INPUT, "import: --counts %s; give the largest count, such as 255 or 4095", optarg);
+    }
     else if (c == 'W') good = trace_number(optarg, 0.1, 10000, &j.wrist_rate_hz);
     else if (c == 'r') good = trace_number(optarg, 0.1, 10000, &j.rate_hz);
     else
@@ -154,6 +169,8 @@ int trace_import(int argc, char **argv) {
   }
   if (!j.out || optind + 1 != argc)
     return trace_fail(EXIT_BAD_INPUT, "import: give one CSV and -o FILE; see gloved-trace --help");
+  if (j.format.unit_rad == 0 && j.format.virtualhand)
+    return trace_fail(EXIT_BAD_INPUT, "import: --virtualhand is about angles, and counts are none; leave one of them out");
   j.csv = argv[optind];
   return import(&j);
 }

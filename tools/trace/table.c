@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// The text files of gloved-trace import: a CSV of joint angles (our own sensor names, or those of the
-// simulated hand in the door recordings) and wrist poses, and files of 4x4 matrices from a tracker.
+// The text files of gloved-trace import: a table of joint angles or counts (our own sensor names, those of the
+// simulated hand in the door recordings, or as the command line names its columns) and wrist poses, and files of 4x4
+// matrices from a tracker.
 #include "table.h"
 
 #include <errno.h>
@@ -31,13 +32,25 @@ static const struct { const char *column; int field; double factor; } known[] = 
   {"palm_x", PX, 1}, {"palm_y", PX + 1, 1}, {"palm_z", PX + 2, 1}, {"ARRx", ARM_X, 1}, {"ARRy", ARM_X + 1, 1},
   {"ARRz", ARM_X + 2, 1}};
 
+// The hand of a recording without a wrist stands beside the table of data/scenes (1.2 m by 0.8 m, its top at 0), not in it.
+static const double beside_table[3] = {-0.9, 0.0, 0.2};
+
+// VirtualHand's roll of the thumb, degrees: 39 with the thumb beside the hand, 99 where it is opposed (range and median of
+// public recordings of grasps). Ours are at 0 and 0 with the flat hand, and in a pinch rotation 30 and abduction 35 bring
+// thumb and index finger together (daemon/load/calibrate.h): the line through both. No recording has confirmed it yet.
+static const double roll_flat_deg = 39.0, roll_opposed_deg = 99.0, pinch_rotation_deg = 30.0, pinch_abduction_deg = 35.0;
+
 typedef struct table {
   const char *path;
+  const table_format *format;
+  char separator;
   FILE *file;
   long line;
   char text[LINE_MAX_BYTES + 2];
   int columns;
-  double weight[FIELDS][COLUMNS];  // field = sum of weight x column
+  double weight[FIELDS][COLUMNS];  // field = unit x sum of weight x column + offset
+  double offset[FIELDS];
+  long rows;
   bool given[FIELDS];
 } table;
 
@@ -68,8 +81,8 @@ static int fail_line(const table *t, const char *what, const char *what_to_do) {
   return trace_fail(EXIT_BAD_INPUT, "%s:%ld: %s; %s", t->path, t->line, what, what_to_do);
 }
 
-static int open_table(table *t, const char *path) {
-  *t = (table){.path = path, .file = fopen(path, "r")};
+static int open_table(table *t, const char *path, const table_format *format) {
+  *t = (table){.path = path, .format = format, .separator = ',', .file = fopen(path, "r")};
   if (t->file) return EXIT_DONE;
   return trace_fail(EXIT_BAD_INPUT, "%s: cannot be opened (%s); check the path", path, strerror(errno));
 }
@@ -93,24 +106,66 @@ static int next_line(table *t, bool *out_end) {
 }
 
 // Cut the next cell off *rest: its text without spaces around it, null after the last.
-static char *next_cell(char **rest) {
+static char *next_cell(char separator, char **rest) {
+  const char between[] = {separator, separator == ' ' ? '\t' : '\0', '\0'};
   char *cell = *rest;
   if (!cell) return NULL;
-  char *end = cell + strcspn(cell, ",");
-  *rest = *end ? end + 1 : NULL;
+  cell += strspn(cell, " \t");
+  char *end = cell + strcspn(cell, between), *next = *end ? end + 1 : NULL;
+  if (separator == ' ' && next && !next[strspn(next, " \t")]) next = NULL;
+  *rest = next;
   while (end > cell && (end[-1] == ' ' || end[-1] == '\t')) end--;
   *end = 0;
-  return cell + strspn(cell, " \t");
+  return cell;
 }
 
-// Let the column feed its fields. False where the name is not known.
-static bool use_column(table *t, const char *name, int column) {
+// The separator of a line: the first of these that it has.
+static char separator_of(const char *line) {
+  static const char known_ones[] = {';', '\t', ','};
+  for (size_t i = 0; i < sizeof known_ones; i++)
+    if (strchr(line, known_ones[i])) return known_ones[i];
+  return ' ';
+}
+
+static double unit_of(const table *t, int field) {
+  if (field >= GV_SENSORS) return 1.0;
+  return t->format->unit_rad > 0 ? t->format->unit_rad : 1.0;
+}
+
+static void feed(table *t, int field, int column, double factor, double offset) {
+  t->weight[field][column] = factor;
+  t->offset[field] += offset * unit_of(t, field);
+  t->given[field] = true;
+}
+
+// One NAME, NAME*FACTOR or NAME*FACTOR+OFFSET. False where it is not known.
+static bool use_term(table *t, const char *term, int column) {
+  const size_t n = strcspn(term, "*+");
+  double factor = 1, offset = 0;
   bool used = false;
-  for (int i = 0; i < GV_SENSORS; i++)
-    if (strcmp(name, gv_sensor_name(i)) == 0) t->weight[i][column] = 1, t->given[i] = used = true;
-  for (size_t i = 0; i < sizeof known / sizeof *known; i++)
-    if (strcmp(name, known[i].column) == 0)
-      t->weight[known[i].field][column] = known[i].factor, t->given[known[i].field] = used = true;
+  char *end = (char *)(term + n);
+  if (*end == '*') factor = strtod(end + 1, &end);
+  if (*end) offset = strtod(end, &end);
+  if (*end) return false;
+  for (int i = 0; i < GV_SENSORS; i++) {
+    if (strlen(gv_sensor_name(i)) != n || strncmp(term, gv_sensor_name(i), n) != 0) continue;
+    feed(t, i, column, factor, offset);
+    used = true;
+  }
+  for (size_t i = 0; i < sizeof known / sizeof *known; i++) {
+    if (strlen(known[i].column) != n || strncmp(term, known[i].column, n) != 0) continue;
+    feed(t, known[i].field, column, factor * known[i].factor, offset);
+    used = true;
+  }
+  return used;
+}
+
+// Let the column feed its fields. False where a name is not known.
+static bool use_column(table *t, const char *name, int column) {
+  char copy[200], *rest = copy, *term;
+  bool used = true;
+  snprintf(copy, sizeof copy, "%s", name);
+  while ((term = next_cell('&', &rest))) used = use_term(t, term, column) && used;
   return used;
 }
 
@@ -137,33 +192,99 @@ static void fill_distal_joints(table *t) {
   }
 }
 
+// VirtualHand bends joints towards negative angles, and rolls the thumb where ours rotates and abducts.
+static void apply_virtualhand(table *t) {
+  const double deg = GV_PI / 180, range = roll_opposed_deg - roll_flat_deg;
+  const double rotation = pinch_rotation_deg / range, abduction = pinch_abduction_deg / range;
+  for (int c = 0; c < t->columns; c++) {
+    const double roll = t->weight[GV_THUMB_ROTATE][c];
+    for (int f = 0; f < GV_FINGERS; f++)
+      for (int j = 0; j < 3; j++)
+        if (gv_flexion[f][j] != GV_THUMB_ROTATE) t->weight[gv_flexion[f][j]][c] *= -1;
+    t->weight[GV_THUMB_ROTATE][c] = rotation * roll;
+    t->weight[GV_THUMB_ABDUCTION][c] = abduction * roll;
+  }
+  t->offset[GV_THUMB_ROTATE] = -rotation * roll_flat_deg * deg;
+  t->offset[GV_THUMB_ABDUCTION] = -abduction * roll_flat_deg * deg;
+  t->given[GV_THUMB_ABDUCTION] = t->given[GV_THUMB_ROTATE];
+}
+
 static int check_header(table *t) {
-  if (!t->given[TIME])
-    return fail_line(t, "no column t_s", "the first line names the columns: t_s in seconds, sensors in radians");
+  if (!t->given[TIME] && t->format->rows_hz <= 0)
+    return fail_line(t, "no column t_s", "the first line names the columns: t_s in seconds, sensors in radians; or give --rows HZ and --columns");
   if (!any_given(t, 0, GV_SENSORS))
     return fail_line(t, "no column of a sensor", "name them thumb_rotate, thumb_mpj, ... (gloved-trace --help)");
   if (any_given(t, PX, 3) && !all_given(t, PX, 3))
     return fail_line(t, "a position without all of px py pz", "give the three or none");
   if (any_given(t, QW, 4) && !all_given(t, QW, 4))
     return fail_line(t, "an orientation without all of qw qx qy qz", "give the four or none");
+  if (t->format->virtualhand) apply_virtualhand(t);
   fill_distal_joints(t);
   for (int i = 0; i < GV_SENSORS; i++)
     if (!t->given[i]) fprintf(stderr, "no column %s: 0\n", gv_sensor_name(i));
   return EXIT_DONE;
 }
 
-static int read_header(table *t) {
+static int add_column(table *t, const char *name) {
+  if (t->columns == COLUMNS) return fail_line(t, "more than 64 columns", "leave out what is not needed");
+  if (strcmp(name, "-") != 0 && !use_column(t, name, t->columns)) {
+    if (t->format->columns) return trace_fail(EXIT_BAD_INPUT, "import: --columns: %s is no column; see gloved-trace --help", name);
+    fprintf(stderr, "column %s: not used\n", name);
+  }
+  t->columns++;
+  return EXIT_DONE;
+}
+
+// The sensors of a CyberGlove in its order; the one of 18 lacks the distal joints of the fingers.
+static int add_glove(table *t, bool all) {
+  int code = EXIT_DONE;
+  for (int i = 0; i < GV_SENSORS && !code; i++) {
+    const bool distal = i == GV_INDEX_DIJ || i == GV_MIDDLE_DIJ || i == GV_RING_DIJ || i == GV_LITTLE_DIJ;
+    if (all || !distal) code = add_column(t, gv_sensor_name(i));
+  }
+  return code;
+}
+
+static int name_columns(table *t) {
+  char copy[LINE_MAX_BYTES], *rest = copy, *name;
+  int code = EXIT_DONE;
+  snprintf(copy, sizeof copy, "%s", t->format->columns);
+  while (!code && (name = next_cell(',', &rest))) {
+    const bool all = strcmp(name, "cyberglove22") == 0;
+    code = all || strcmp(name, "cyberglove18") == 0 ? add_glove(t, all) : add_column(t, name);
+  }
+  return code;
+}
+
+static bool read_number(const char *text, double *out);
+
+// Whether the line's first cell is a number: then the table has no header.
+static bool begins_with_number(const table *t) {
+  char copy[LINE_MAX_BYTES + 2], *rest = copy;
+  double ignored;
+  snprintf(copy, sizeof copy, "%s", t->text);
+  return read_number(next_cell(t->separator, &rest), &ignored);
+}
+
+// Leaves the first row of numbers in t->text where *out_row.
+static int read_header(table *t, bool *out_row) {
   bool end;
   char *rest = t->text, *name, names[COLUMNS][32];
   if (next_line(t, &end)) return EXIT_BAD_INPUT;
   if (end) return trace_fail(EXIT_BAD_INPUT, "%s: empty; the first line names the columns", t->path);
-  while ((name = next_cell(&rest))) {
+  t->separator = separator_of(t->text);
+  *out_row = false;
+  if (t->format->columns) {
+    *out_row = begins_with_number(t);
+    const int code = name_columns(t);
+    return code ? code : check_header(t);
+  }
+  while ((name = next_cell(t->separator, &rest))) {
     if (t->columns == COLUMNS) return fail_line(t, "more than 64 columns", "leave out what is not needed");
     snprintf(names[t->columns], sizeof names[0], "%.31s", name);
     for (int i = 0; i < t->columns; i++)
       if (strcmp(names[i], names[t->columns]) == 0) return fail_line(t, "two columns of one name", "keep one of them");
-    if (!use_column(t, name, t->columns)) fprintf(stderr, "column %s: not used\n", name);
-    t->columns++;
+    if (add_column(t, name)) return EXIT_BAD_INPUT;
   }
   return check_header(t);
 }
@@ -175,19 +296,31 @@ static bool read_number(const char *text, double *out) {
   return end != text && *end == 0 && isfinite(*out);
 }
 
+// Counts become the angles that the default calibration has for them; sensors that are not there stay straight.
+static void counts_to_angles(const table *t, double field[FIELDS]) {
+  const gv_calibration cal = gv_calibration_default();
+  for (int i = 0; i < GV_SENSORS; i++)
+    field[i] = t->given[i] ? gv_calibration_angle(&cal, i, field[i] * 4095 / t->format->counts) : 0.0;
+}
+
 // The cells of the row into the fields.
 static int read_fields(table *t, double out[FIELDS]) {
   char *rest = t->text, *cell;
   double value[COLUMNS];
   for (int c = 0; c < t->columns; c++) {
-    if (!(cell = next_cell(&rest))) return fail_line(t, "fewer cells than the header has columns", "complete the row");
+    if (!(cell = next_cell(t->separator, &rest))) return fail_line(t, "fewer cells than the header has columns", "complete the row");
     if (!read_number(cell, &value[c])) return fail_line(t, "a cell that is no finite number", "correct or remove the row");
   }
   if (rest) return fail_line(t, "more cells than the header has columns", "correct the row");
   for (int f = 0; f < FIELDS; f++) {
-    out[f] = 0;
-    for (int c = 0; c < t->columns; c++) out[f] += t->weight[f][c] * value[c];
+    double sum = 0;
+    for (int c = 0; c < t->columns; c++) sum += t->weight[f][c] * value[c];
+    out[f] = sum * unit_of(t, f) + t->offset[f];
   }
+  if (!t->given[TIME]) out[TIME] = (double)t->rows / t->format->rows_hz;
+  if (!t->given[PX]) memcpy(out + PX, beside_table, sizeof beside_table);
+  if (t->format->unit_rad <= 0) counts_to_angles(t, out);
+  t->rows++;
   return EXIT_DONE;
 }
 
@@ -218,11 +351,12 @@ static int add_row(const table *t, const double field[FIELDS], double start_s, s
   return EXIT_DONE;
 }
 
-static int read_rows(table *t, series *hand, series *pose) {
+// row: the first one is in t->text already.
+static int read_rows(table *t, bool row, series *hand, series *pose) {
   double field[FIELDS], start_s = 0;
-  bool end;
-  for (;;) {
-    if (next_line(t, &end)) return EXIT_BAD_INPUT;
+  bool end = false;
+  for (;; row = false) {
+    if (!row && next_line(t, &end)) return EXIT_BAD_INPUT;
     if (end && hand->count > 0) return EXIT_DONE;
     if (end) return fail_line(t, "no row below the header", "add rows of numbers");
     if (read_fields(t, field)) return EXIT_BAD_INPUT;
@@ -231,13 +365,14 @@ static int read_rows(table *t, series *hand, series *pose) {
   }
 }
 
-int table_read_csv(const char *path, series *out_hand, series *out_pose) {
+int table_read_csv(const char *path, const table_format *format, series *out_hand, series *out_pose) {
   table t;
+  bool row = false;
   *out_hand = (series){.width = HAND_WIDTH};
   *out_pose = (series){.width = POSE_WIDTH};
-  if (open_table(&t, path)) return EXIT_BAD_INPUT;
-  int code = read_header(&t);
-  if (!code) code = read_rows(&t, out_hand, out_pose);
+  if (open_table(&t, path, format)) return EXIT_BAD_INPUT;
+  int code = read_header(&t, &row);
+  if (!code) code = read_rows(&t, row, out_hand, out_pose);
   fclose(t.file);
   return code;
 }
@@ -295,7 +430,7 @@ static int read_matrices(table *t, double rate_hz, series *pose) {
 int table_read_matrices(const char *path, double rate_hz, series *out_pose) {
   table t;
   *out_pose = (series){.width = POSE_WIDTH};
-  if (open_table(&t, path)) return EXIT_BAD_INPUT;
+  if (open_table(&t, path, NULL)) return EXIT_BAD_INPUT;
   int code = read_matrices(&t, rate_hz, out_pose);
   fclose(t.file);
   return code;

@@ -25,9 +25,21 @@ double *series_add(series *s);
 // *at: 0 at first; the times of one pass must rise.
 void series_at(const series *s, double t, size_t *at, double *out_row);
 
-// A CSV file into hand rows and pose rows. Says in words, on standard error, what it filled in or left out.
-// Both return an exit code, with one line on standard error where it is not 0.
-int table_read_csv(const char *path, series *out_hand, series *out_pose);
+// How a table is to be read.
+typedef struct table_format {
+  // What its columns are, in order, joined by commas; null: its first line says so. A column is a name, "-" for one that
+  // is not used, cyberglove22 or cyberglove18 for those sensors in the glove's order, or NAME*FACTOR+OFFSET, several of
+  // them joined by & where one column feeds several sensors.
+  const char *columns;
+  double unit_rad;       // of the sensors' columns: 1, or pi / 180 for degrees; 0: they are counts
+  double counts;         // largest count
+  double rows_hz;        // rows without a time are so far apart; 0: there must be a column t_s
+  bool virtualhand;      // angles as VirtualHand has them: flexion negative, the thumb's roll in place of its rotation
+} table_format;
+
+// A table (comma, semicolon, tab or blanks between its cells) into hand rows and pose rows. Says in words, on standard
+// error, what it filled in or left out. Both return an exit code, with one line on standard error where it is not 0.
+int table_read_csv(const char *path, const table_format *format, series *out_hand, series *out_pose);
 // 4x4 matrices row by row, rate_hz of them a second, into pose rows.
 int table_read_matrices(const char *path, double rate_hz, series *out_pose);
 
