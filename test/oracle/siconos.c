@@ -171,7 +171,7 @@ gv_solver_report __wrap_gv_choice_solve(gv_choice *choice, gv_problem *problem, 
   enum { EVERY = 250, EVERY_OF_MANY_SOLVES = 15 };
   const gv_solver_report report = __real_gv_choice_solve(choice, problem, out_velocity, out_impulse);
   if (problem->contact_count == 0 || problem->contact_count > CONTACTS || report.outcome != GV_OUTCOME_SOLVED) return report;
-  step += ((const gv_newton *)choice->newton)->solves > 2 ? EVERY / EVERY_OF_MANY_SOLVES : 1;
+  step += ((const gv_newton *)choice->memory[GV_SOLVER_NEWTON])->solves > 2 ? EVERY / EVERY_OF_MANY_SOLVES : 1;
   if (step < EVERY) return report;
   step = 0;
   compare(problem, out_impulse);
