@@ -49,7 +49,7 @@ static inline gv_shape gv_shape_hull(const gv_hull *hull) { return (gv_shape){GV
 
 // Build the convex hull of `count` points into the arena: only points on the hull are kept, coplanar
 // facets merge into polygons. Corners of a long side that a file has rounded off its plane (by up to 4e-6 m) are moved
-// back into it. Set-up only: cost about vertices x faces. `keep_order` is not promised.
+// back into it. Set-up only: cost about vertices x faces. The order of the points is not kept.
 // Errors (negative): GV_HULL_FEW (under 4 points), GV_HULL_FLAT (no volume), GV_HULL_NOT_FINITE,
 // GV_HULL_VERTICES / GV_HULL_FACES / GV_HULL_POLYGON (over GV_MAX_...), GV_HULL_MEMORY (arena full).
 enum { GV_HULL_FEW = -1, GV_HULL_FLAT = -2, GV_HULL_NOT_FINITE = -3, GV_HULL_VERTICES = -4, GV_HULL_FACES = -5,

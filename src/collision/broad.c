@@ -96,7 +96,10 @@ static void init_piece(gv_broad *broad, int o, int i) {
 void gv_broad_init(gv_broad *broad, double step_s, double contact_margin_m) {
   broad->step_s = step_s;
   broad->contact_margin_m = contact_margin_m;
-  for (int l = 0; l < GV_LIMBS; l++) broad->limb_reach[l] = gv_norm(broad->limb_shape[l].half) + broad->limb_shape[l].radius;
+  for (int l = 0; l < GV_LIMBS; l++) {
+    const gv_shape *shape = &broad->limb_shape[l];
+    broad->limb_reach[l] = gv_norm(shape->half) + shape->radius;
+  }
   for (int o = 0; o < broad->scene->object_count; o++) {
     const gv_object *object = &broad->scene->object[o];
     const int first = object->piece_first;
@@ -120,7 +123,11 @@ static double body_margin(const gv_broad *broad, const gv_body_state *s, double 
 
 // The first column of q's matrix.
 static gv_vec3 x_axis(gv_quat q) {
-  return gv_v3(1.0 - 2.0 * (q.y * q.y + q.z * q.z), 2.0 * (q.x * q.y + q.w * q.z), 2.0 * (q.x * q.z - q.w * q.y));
+  gv_vec3 x;
+  x.x = 1.0 - 2.0 * (q.y * q.y + q.z * q.z);
+  x.y = 2.0 * (q.x * q.y + q.w * q.z);
+  x.z = 2.0 * (q.x * q.z - q.w * q.y);
+  return x;
 }
 
 static void bound_limb(gv_broad *broad, int l) {
@@ -167,16 +174,23 @@ void gv_broad_list_none(gv_broad *broad) {
   broad->dropped = 0;
 }
 
-static void list_pair(gv_broad *broad, gv_candidate pair) {
+// The place for one more, with the number of its shapes and bodies; null where there is none.
+static gv_candidate *list_pair(gv_broad *broad, int body_a, int shape_a, int body_b, int piece_b) {
   if (broad->pair_count == GV_MAX_PAIRS) {
     broad->dropped++;
-    return;
+    return NULL;
   }
-  broad->pair[broad->pair_count++] = pair;
+  gv_candidate *pair = &broad->pair[broad->pair_count++];
+  pair->body_a = (uint8_t)body_a;
+  pair->shape_a = (uint16_t)shape_a;
+  pair->body_b = (uint8_t)body_b;
+  pair->piece_b = (uint16_t)piece_b;
+  return pair;
 }
 
 static void list_limb_piece(gv_broad *broad, int l, int o, int piece) {
-  list_pair(broad, (gv_candidate){limb_cache(broad, l, piece), (uint16_t)l, (uint16_t)piece, (uint8_t)l, (uint8_t)(GV_LIMBS + o)});
+  gv_candidate *pair = list_pair(broad, l, l, GV_LIMBS + o, piece);
+  if (pair) pair->cache = limb_cache(broad, l, piece);
 }
 
 // A limb's box in an object's frame, which is turned by R, grown by both margins.
@@ -213,15 +227,19 @@ void gv_broad_list_hand(gv_broad *broad) {
 
 static void list_pieces(gv_broad *broad, int a, int i, int b, int j) {
   gv_pair_cache *cache = piece_cache(broad, i, j);
-  if (cache->high_first != (i > j)) cache->inside = 0;  // one of them has come to rest: the normal turns round
+  gv_candidate *pair = list_pair(broad, GV_LIMBS + a, i, GV_LIMBS + b, j);
+  if (!pair) return;
+  // Where one of them has come to rest, the other is A now, and the normal turns round.
+  if (cache->high_first != (i > j)) cache->inside = 0;
   cache->high_first = i > j;
-  list_pair(broad, (gv_candidate){cache, (uint16_t)i, (uint16_t)j, (uint8_t)(GV_LIMBS + a), (uint8_t)(GV_LIMBS + b)});
+  pair->cache = cache;
 }
 
 // a moves; b may be static or at rest. The boxes of a's pieces come into b's frame.
 static void list_two_objects(gv_broad *broad, int a, int b) {
   const gv_object *A = &broad->scene->object[a], *B = &broad->scene->object[b];
-  const gv_pose T_b_a = gv_pose_mul(gv_pose_inv(broad->predicted[GV_LIMBS + b].T), broad->predicted[GV_LIMBS + a].T);
+  const gv_pose T_b_world = gv_pose_inv(broad->predicted[GV_LIMBS + b].T);
+  const gv_pose T_b_a = gv_pose_mul(T_b_world, broad->predicted[GV_LIMBS + a].T);
   const gv_mat3 R = gv_mat3_from_quat(T_b_a.q);
   const double margin = broad->margin[GV_LIMBS + a] + broad->margin[GV_LIMBS + b];
   for (int i = A->piece_first; i < A->piece_first + A->piece_count; i++) {

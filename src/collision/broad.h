@@ -29,9 +29,9 @@ typedef struct gv_broad {
   gv_aabb body_box[GV_MAX_OBJECTS];    // around the pieces of each, own frame
   double object_reach[GV_MAX_OBJECTS]; // farthest vertex from the body's origin, m
   // of this step
-  gv_body_state predicted[GV_BODIES];  // poses of this step, velocities as they would be after it without contacts
+  gv_body_state predicted[GV_BODIES];  // poses of this step, velocities after it without contacts
   double margin[GV_BODIES];            // how far each body's surface may come in this step, m
-  gv_vec3 limb_axis[GV_LIMBS][3];      // half extents of the cores along the limbs' axes, world; a segment has the first
+  gv_vec3 limb_axis[GV_LIMBS][3];      // half extents along the limbs' axes, world; a segment has the first
   gv_aabb limb_box[GV_LIMBS], hand_box;
   gv_aabb object_box[GV_MAX_OBJECTS];
   int pair_count;                      // at most GV_MAX_PAIRS

@@ -68,7 +68,8 @@ static inline gv_cso_point gv_cso_support(const gv_cso *cso, gv_vec3 n) {
 }
 
 static inline bool gv_core_has_vertex(const gv_core *core, unsigned vertex) {
-  return core->kind == GV_CORE_HULL ? vertex < (unsigned)core->hull->vertex_count : vertex < (core->kind == GV_CORE_BOX ? 8U : 2U);
+  if (core->kind == GV_CORE_HULL) return vertex < (unsigned)core->hull->vertex_count;
+  return vertex < (core->kind == GV_CORE_BOX ? 8U : 2U);
 }
 
 // Corner k of the cache, where it is now; false where the shapes have no such vertices.
@@ -82,7 +83,8 @@ static inline bool gv_cso_recall(const gv_cso *cso, int k, gv_cso_point *out) {
 
 // A point inside the core, frame of B.
 static inline gv_vec3 gv_core_center(const gv_core *core) {
-  return core->kind == GV_CORE_HULL ? gv_add(core->center, gv_mat3_mul(&core->R, core->hull->center)) : core->center;
+  if (core->kind != GV_CORE_HULL) return core->center;
+  return gv_add(core->center, gv_mat3_mul(&core->R, core->hull->center));
 }
 
 // Both find the least h(n); `guess` is a unit vector, any. False: the obstacle has no volume (out is not
@@ -93,8 +95,8 @@ void gv_epa_sweep_faces(const gv_cso *cso, gv_vec3 guess, gv_epa_result *out);
 
 // The distance, with the cores as placed in the frame of B left in *out_cso (not where they are beyond the
 // limit), and results in that frame; and those results taken to the world.
-void gv_distance_in_b(gv_narrow narrow, const gv_pair *pair, double max_distance, gv_pair_cache *cache, gv_cso *out_cso,
-                      gv_distance *out);
+void gv_distance_in_b(gv_narrow narrow, const gv_pair *pair, double max_distance, gv_pair_cache *cache,
+                      gv_cso *out_cso, gv_distance *out);
 void gv_distance_to_world(const gv_pose *T_world_b, const gv_pair_cache *cache, gv_distance *io);
 
 #endif

@@ -21,7 +21,8 @@ enum { CLOSE = 16 };
 // In operations, beside the support points: a search that ends at once, and each point that is added.
 enum { EPA_OPERATIONS = 150, ADD_OPERATIONS = 100 };
 
-enum { SEEDS = 7, SWEEP_FACES = 40, SWEEP_EDGES = 12 };  // a sweep asks at most 2 * 40 + 2 * 12 * 12 directions
+// A sweep asks at most 2 * 40 + 2 * 12 * 12 directions.
+enum { SEEDS = 7, SWEEP_FACES = 40, SWEEP_EDGES = 12 };
 
 typedef struct search {
   const gv_cso *cso;
@@ -64,8 +65,10 @@ static void keep_point(search *s) {
 static void ask_seeds(search *s, gv_vec3 guess) {
   gv_vec3 t = gv_any_perpendicular(guess), u = gv_cross(guess, t);
   const double tilt = 0.02;
-  const gv_vec3 direction[SEEDS] = {gv_mad(guess, -tilt, t), gv_mad(guess, tilt, u), gv_mad(guess, -tilt, u), gv_mad(guess, tilt, t),
-                                    t, gv_neg(guess), gv_neg(t)};
+  const gv_vec3 direction[SEEDS] = {
+    gv_mad(guess, -tilt, t), gv_mad(guess, tilt, u), gv_mad(guess, -tilt, u), gv_mad(guess, tilt, t),
+    t, gv_neg(guess), gv_neg(t),
+  };
   for (int i = 0; i < SEEDS; i++) {
     (void)ask(s, direction[i]);
     keep_point(s);
@@ -78,7 +81,10 @@ static bool recall_seeds(search *s, gv_vec3 guess) {
   if (!s->cso->cache->overlap || s->cso->cache->corners != 3) return false;
   for (int k = 0; k < 3; k++) {
     if (!gv_cso_recall(s->cso, k, &p)) return false;
-    s->w[k] = p.w, s->on_a[k] = p.a, s->vertex_a[k] = p.vertex_a, s->vertex_b[k] = p.vertex_b;
+    s->w[k] = p.w;
+    s->on_a[k] = p.a;
+    s->vertex_a[k] = p.vertex_a;
+    s->vertex_b[k] = p.vertex_b;
     s->size = fmax(s->size, gv_norm(p.w));
   }
   s->count = 3;
@@ -93,8 +99,9 @@ static bool start_polytope(search *s) {
   uint16_t pick[4];
   if (!gv_polytope_pick_tetrahedron(s->w, s->count, tolerance, pick)) {
     gv_vec3 x = gv_sub(s->w[pick[1]], s->w[pick[0]]), y = gv_sub(s->w[pick[2]], s->w[pick[0]]);
-    gv_vec3 across = gv_normalize_or(gv_cross(x, y), gv_any_perpendicular(gv_normalize_or(x, gv_v3(0, 0, 1))));
-    gv_vec3 other = gv_cross(across, gv_normalize_or(x, gv_v3(0, 0, 1)));
+    gv_vec3 along = gv_normalize_or(x, gv_v3(0, 0, 1));
+    gv_vec3 across = gv_normalize_or(gv_cross(x, y), gv_any_perpendicular(along));
+    gv_vec3 other = gv_cross(across, along);
     const gv_vec3 direction[4] = {across, gv_neg(across), other, gv_neg(other)};
     for (int i = 0; i < 4; i++) {
       (void)ask(s, direction[i]);
@@ -128,7 +135,8 @@ static int find_pierced_face(const gv_polytope *P, gv_vec3 n) {
   for (int f = 0; f < P->face_count; f++) {
     double slope = gv_dot(P->face[f].normal, n);
     if (!gv_polytope_alive(P, f) || slope <= 0 || P->face[f].offset >= nearest * slope) continue;
-    nearest = P->face[f].offset / slope, found = f;
+    nearest = P->face[f].offset / slope;
+    found = f;
   }
   return found;
 }
@@ -138,7 +146,10 @@ static bool grow_at(search *s, int f) {
   gv_polytope *P = &s->polytope;
   *s->cso->operations += ADD_OPERATIONS + P->face_count / 2;  // both searches of the faces
   double offset = P->face[f].offset, h = ask_beyond(s, &P->face[f]);
-  if (h < s->best) s->best = h, s->best_normal = P->face[f].normal;
+  if (h < s->best) {
+    s->best = h;
+    s->best_normal = P->face[f].normal;
+  }
   if (h - offset <= P->tolerance) return false;
   s->count++;
   if (!gv_polytope_add(P, (uint16_t)(s->count - 1), f)) {  // final: as close as rounding allows
@@ -191,10 +202,16 @@ static void find_on_a(const search *s, gv_epa_result *out) {
       side.p[k] = (gv_cso_point){.w = s->w[v], .a = s->on_a[v]};
     }
     double off = gv_norm(gv_sub(gv_simplex_solve_triangle(&side), foot));
-    if (off < least) least = off, out->on_a = gv_simplex_on_a(&side), best = &P->face[f];
+    if (!(off < least)) continue;
+    least = off;
+    out->on_a = gv_simplex_on_a(&side);
+    best = &P->face[f];
   }
   out->corners = best ? 3 : 0;
-  for (int k = 0; k < out->corners; k++) out->corner_a[k] = s->vertex_a[best->vertex[k]], out->corner_b[k] = s->vertex_b[best->vertex[k]];
+  for (int k = 0; k < out->corners; k++) {
+    out->corner_a[k] = s->vertex_a[best->vertex[k]];
+    out->corner_b[k] = s->vertex_b[best->vertex[k]];
+  }
 }
 
 bool gv_epa_run(const gv_cso *cso, gv_vec3 guess, gv_epa_result *out) {
@@ -234,7 +251,9 @@ static void try_direction(sweep *s, gv_vec3 d) {
   double h = gv_dot(p.w, n);
   s->out->iterations++;
   if (!(h < s->out->depth)) return;
-  s->out->depth = h, s->out->normal = n, s->out->on_a = p.a;
+  s->out->depth = h;
+  s->out->normal = n;
+  s->out->on_a = p.a;
 }
 
 static gv_vec3 turn(const gv_core *core, gv_vec3 v) { return core->in_place ? v : gv_mat3_mul(&core->R, v); }
@@ -249,21 +268,28 @@ static int list_edges(const gv_core *core, int max, gv_vec3 *out_edge) {
   }
   const gv_hull *hull = core->hull;
   if (hull->neighbor_start[hull->vertex_count] > 2 * max) return 0;  // too many for any of them to matter
-  for (int v = 0; v < hull->vertex_count; v++)
-    for (int k = hull->neighbor_start[v]; k < hull->neighbor_start[v + 1] && count < max; k++)
-      if (hull->neighbor[k] > v) out_edge[count++] = turn(core, gv_sub(hull->vertex[hull->neighbor[k]], hull->vertex[v]));
+  for (int v = 0; v < hull->vertex_count; v++) {
+    for (int k = hull->neighbor_start[v]; k < hull->neighbor_start[v + 1] && count < max; k++) {
+      const int to = hull->neighbor[k];
+      if (to > v) out_edge[count++] = turn(core, gv_sub(hull->vertex[to], hull->vertex[v]));
+    }
+  }
   return count;
 }
 
 static void try_faces(sweep *s, const gv_core *core, double sign) {
   if (core->kind == GV_CORE_HULL) {
     int step = 1 + core->hull->face_count / SWEEP_FACES;
-    for (int f = 0; f < core->hull->face_count; f += step) try_direction(s, gv_scale(turn(core, core->hull->face_normal[f]), sign));
+    for (int f = 0; f < core->hull->face_count; f += step) {
+      const gv_vec3 outward = turn(core, core->hull->face_normal[f]);
+      try_direction(s, gv_scale(outward, sign));
+    }
     return;
   }
   for (int k = 0; k < 3; k++) {
     gv_vec3 side = gv_cross(core->axis[(k + 1) % 3], core->axis[(k + 2) % 3]);
-    gv_vec3 n = gv_norm(side) > 0 ? gv_normalize_or(side, side) : gv_any_perpendicular(gv_normalize_or(core->axis[k], gv_v3(0, 0, 1)));
+    gv_vec3 axis = gv_normalize_or(core->axis[k], gv_v3(0, 0, 1));
+    gv_vec3 n = gv_norm(side) > 0 ? gv_normalize_or(side, side) : gv_any_perpendicular(axis);
     try_direction(s, n);
     try_direction(s, gv_neg(n));
   }
@@ -279,7 +305,8 @@ void gv_epa_sweep_faces(const gv_cso *cso, gv_vec3 guess, gv_epa_result *out) {
   int na = list_edges(&cso->a, SWEEP_EDGES, edge_a), nb = list_edges(&cso->b, SWEEP_EDGES, edge_b);
   for (int i = 0; i < na; i++) {
     for (int k = 0; k < nb; k++) {
-      gv_vec3 n = gv_cross(gv_normalize_or(edge_a[i], gv_v3(0, 0, 0)), gv_normalize_or(edge_b[k], gv_v3(0, 0, 0)));
+      const gv_vec3 none = {0, 0, 0};
+      gv_vec3 n = gv_cross(gv_normalize_or(edge_a[i], none), gv_normalize_or(edge_b[k], none));
       try_direction(&s, n);
       try_direction(&s, gv_neg(n));
     }

@@ -27,7 +27,7 @@ static int scan_faces(const gv_hull *hull, gv_vec3 d) {
   double high = gv_dot(hull->face_normal[0], d);
   for (int f = 1; f < hull->face_count; f++) {
     double cosine = gv_dot(hull->face_normal[f], d);
-    if (cosine <= high) continue;
+    if (!(cosine > high)) continue;
     high = cosine;
     best = f;
   }
@@ -61,7 +61,8 @@ void gv_face_of_hull(const gv_core *core, int f, gv_face *out) {
   for (int k = 0; k < out->count; k++) out->p[k] = gv_core_vertex(core, corner[k]);
 }
 
-static void take_hull_side(const gv_core *core, gv_vec3 d, uint16_t *vertex, gv_face *out, int *io_operations) {
+static void take_hull_side(const gv_core *core, gv_vec3 d, uint16_t *vertex, gv_face *out,
+                           int *io_operations) {
   const gv_hull *hull = core->hull;
   gv_vec3 d_hull = gv_core_turn_back(core, d);
   if (hull->face_count > SCAN_UP_TO) {

@@ -63,7 +63,8 @@ gv_gjk_outcome gv_gjk_walk(gv_gjk *g) {
     if (!g->solve(&next, &v_next)) return GV_GJK_OVERLAP;
     double progress = upper - gv_norm(v_next);
     double rounding = 1e-16 * gv_norm(p.w);
-    if (progress <= -rounding || (progress <= rounding && ++stalls > STALLS)) break;  // as near as rounding allows
+    if (progress <= rounding) stalls++;
+    if (progress <= -rounding || stalls > STALLS) break;  // as near as rounding allows
     *s = next;
     v = v_next;
   }

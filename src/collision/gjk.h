@@ -17,7 +17,7 @@ typedef struct gv_gjk {
   double limit;        // metres: cores farther apart than this need no exact answer
   gv_simplex simplex;  // in: where to begin, one to three points; out: the points that carry the nearest
   gv_vec3 nearest;     // out: of the obstacle, where the cores are apart
-  gv_vec3 n;           // out: unit, the direction asked last; where the answer is "beyond", it separates by more than limit
+  gv_vec3 n;           // out: unit, the direction asked last; if beyond, it separates by more than limit
   int iterations;      // counted up
 } gv_gjk;
 

@@ -55,7 +55,8 @@ const char *gv_hull_error(int error) {
     case GV_HULL_FACES: return "more than GV_MAX_HULL_FACES faces: thin the points out or split the piece";
     case GV_HULL_POLYGON: return "a face with more than GV_MAX_FACE_VERTICES corners: thin its outline out";
     case GV_HULL_MEMORY: return "the arena is full";
-    case GV_HULL_DEGENERATE: return "points too close to one plane to tell faces apart: move them apart or merge them";
+    case GV_HULL_DEGENERATE:
+      return "points too close to one plane to tell faces apart: move them apart or merge them";
     default: return "unknown error";
   }
 }
@@ -79,8 +80,13 @@ static int take_points(builder *b, const gv_vec3 *points, int count) {
 static int grow(builder *b) {
   gv_polytope *P = &b->polytope;
   uint16_t pick[4];
-  *P = (gv_polytope){.point = b->point, .face = b->face, .edge = b->edge, .seen = b->seen, .link = b->link,
-                     .face_max = TRIANGLES + 2, .free_head = -1, .tolerance = 0.1 * b->in_plane, .least_offset = -HUGE_VAL};
+  *P = (gv_polytope){
+    .point = b->point, .face = b->face, .edge = b->edge, .seen = b->seen, .link = b->link,
+    .face_max = TRIANGLES + 2,
+    .free_head = -1,
+    .tolerance = 0.1 * b->in_plane,
+    .least_offset = -HUGE_VAL,
+  };
   if (!gv_polytope_pick_tetrahedron(b->point, b->count, 1e-6 * b->size, pick)) return GV_HULL_FLAT;
   if (!gv_polytope_start(P, pick)) return GV_HULL_FLAT;
   for (int i = 0; i < b->count; i++) {
@@ -101,7 +107,9 @@ static int largest_unmerged(const builder *b) {
   for (int f = 0; f < b->polytope.face_count; f++) {
     if (!gv_polytope_alive(&b->polytope, f) || b->polygon_of[f] != NONE) continue;
     double area = twice_area(b, &b->face[f]);
-    if (area > largest) largest = area, best = f;
+    if (!(area > largest)) continue;
+    largest = area;
+    best = f;
   }
   return best;
 }
@@ -226,7 +234,9 @@ static void fit_polygons(builder *b) {
       const uint16_t *v = b->face[t].vertex;
       gv_vec3 p = b->point[v[0]], q = b->point[v[1]], r = b->point[v[2]];
       if (f->triangles == 0) f->corner = p;
-      f->reach = fmax(f->reach, fmax(gv_norm(gv_sub(p, f->corner)), fmax(gv_norm(gv_sub(q, f->corner)), gv_norm(gv_sub(r, f->corner)))));
+      f->reach = fmax(f->reach, gv_norm(gv_sub(p, f->corner)));
+      f->reach = fmax(f->reach, gv_norm(gv_sub(q, f->corner)));
+      f->reach = fmax(f->reach, gv_norm(gv_sub(r, f->corner)));
       if (pass == 0) f->n = gv_add(f->n, gv_cross(gv_sub(q, p), gv_sub(r, p))), f->triangles++;
       else f->offset += gv_dot(f->n, gv_add(gv_add(p, q), r)) / (3 * f->triangles);
     }
@@ -246,7 +256,8 @@ static void move_into_planes(builder *b, int v, double limit) {
     gv_vec3 free = f->n;
     for (int k = 0; k < axes; k++) free = gv_mad(free, -gv_dot(f->n, axis[k]), axis[k]);
     double share = gv_norm(free);
-    if (f->triangles < 2 || f->reach < long_side * b->size || share < 0.05) continue;  // the same plane, or one that no small move reaches
+    if (f->triangles < 2 || f->reach < long_side * b->size) continue;
+    if (share < 0.05) continue;  // the same plane, or one that no small move reaches
     axis[axes] = gv_scale(free, 1.0 / share);
     shift = gv_mad(shift, (f->offset - gv_dot(f->n, gv_add(b->point[v], shift))) / share, axis[axes]);
     axes++;
@@ -312,7 +323,8 @@ static void fit_plane(const arrays *m, int f) {
   int sides = m->face_start[f + 1] - m->face_start[f];
   gv_vec3 area = gv_v3(0, 0, 0);
   for (int k = 1; k + 1 < sides; k++)
-    area = gv_add(area, gv_cross(gv_sub(m->vertex[c[k]], m->vertex[c[0]]), gv_sub(m->vertex[c[k + 1]], m->vertex[c[0]])));
+    area = gv_add(area, gv_cross(gv_sub(m->vertex[c[k]], m->vertex[c[0]]),
+                                 gv_sub(m->vertex[c[k + 1]], m->vertex[c[0]])));
   m->face_normal[f] = gv_normalize_or(area, gv_v3(0, 0, 1));
   double offset = 0;
   for (int k = 0; k < sides; k++) offset += gv_dot(m->face_normal[f], m->vertex[c[k]]);
@@ -323,7 +335,10 @@ static void fit_plane(const arrays *m, int f) {
 static void link_neighbors(const arrays *m, int vertices, int faces) {
   for (int i = 0; i <= vertices; i++) m->neighbor_start[i] = 0;
   for (int k = 0; k < m->face_start[faces]; k++) m->neighbor_start[m->face_vertex[k] + 1]++;
-  for (int i = 0; i < vertices; i++) m->neighbor_start[i + 1] = (uint16_t)(m->neighbor_start[i + 1] + m->neighbor_start[i]);
+  for (int i = 0; i < vertices; i++) {
+    const int end = m->neighbor_start[i] + m->neighbor_start[i + 1];
+    m->neighbor_start[i + 1] = (uint16_t)end;
+  }
   for (int f = faces - 1; f >= 0; f--) {
     int first = m->face_start[f], end = m->face_start[f + 1];
     for (int k = first; k < end; k++) {
@@ -360,9 +375,12 @@ static int write_hull(const builder *b, int vertices, gv_arena *arena, gv_hull *
   for (int k = 0; k < corners; k++) m.face_vertex[k] = b->corner[k];
   for (int f = 0; f < b->polygons; f++) fit_plane(&m, f);
   link_neighbors(&m, vertices, b->polygons);
-  *out = (gv_hull){.vertex_count = vertices, .face_count = b->polygons, .vertex = m.vertex, .face_normal = m.face_normal,
-                   .face_offset = m.face_offset, .face_start = m.face_start, .face_vertex = m.face_vertex,
-                   .neighbor_start = m.neighbor_start, .neighbor = m.neighbor, .neighbor_face = m.neighbor_face};
+  *out = (gv_hull){
+    .vertex_count = vertices, .vertex = m.vertex,
+    .face_count = b->polygons, .face_normal = m.face_normal, .face_offset = m.face_offset,
+    .face_start = m.face_start, .face_vertex = m.face_vertex,
+    .neighbor_start = m.neighbor_start, .neighbor = m.neighbor, .neighbor_face = m.neighbor_face,
+  };
   measure(out);
   return 0;
 }
@@ -388,7 +406,8 @@ int gv_hull_ball(gv_arena *arena, gv_vec3 center, double radius, gv_hull *out_hu
 }
 
 // Adds density 1 times the integrals over the tetrahedron (0, a, b, c): volume, first and second moments.
-static void add_tetrahedron(gv_vec3 a, gv_vec3 b, gv_vec3 c, double *volume, gv_vec3 *first, double second[3][3]) {
+static void add_tetrahedron(gv_vec3 a, gv_vec3 b, gv_vec3 c, double *volume, gv_vec3 *first,
+                            double second[3][3]) {
   double v = gv_dot(a, gv_cross(b, c)) / 6.0;
   gv_vec3 sum = gv_add(gv_add(a, b), c);
   const double p[4][3] = {{a.x, a.y, a.z}, {b.x, b.y, b.z}, {c.x, c.y, c.z}, {sum.x, sum.y, sum.z}};

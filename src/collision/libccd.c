@@ -98,7 +98,11 @@ static gv_vec3 solve_triangle(gv_simplex *s) {
   gv_vec3 a = gv_sub(s->p[0].w, asked), b = gv_sub(s->p[1].w, asked), c = gv_sub(s->p[2].w, asked);
   gv_vec3 n = gv_cross(gv_sub(b, a), gv_sub(c, a));
   double n2 = gv_norm2(n);
-  const double area[3] = {gv_dot(n, gv_cross(b, c)) / n2, gv_dot(n, gv_cross(c, a)) / n2, gv_dot(n, gv_cross(a, b)) / n2};
+  const double area[3] = {
+    gv_dot(n, gv_cross(b, c)) / n2,
+    gv_dot(n, gv_cross(c, a)) / n2,
+    gv_dot(n, gv_cross(a, b)) / n2,
+  };
   gv_vec3 v = weigh_triangle(s, area, &carrying);
   if (!(n2 > 0) || carrying.count == 0 || !(gv_norm(gv_sub(v, asked)) < outside)) return solve_edges(s);
   *s = carrying;
@@ -205,7 +209,8 @@ static void find_depth(const gv_cso *cso, gv_vec3 guess, bool warm, gv_distance 
   overlap best = {gv_dot(p.w, guess), guess, p.a};
   best.depth += 1e-12;  // the same direction with the foot under it is better
   shift_out(cso, guess, &best, &out->iterations);
-  if (!warm || shift_from_axes(cso, 1.0, &best, &out->iterations)) {  // the guess led nowhere, or is of another life
+  // Where an axis was better, the guess led nowhere, or is of another life.
+  if (!warm || shift_from_axes(cso, 1.0, &best, &out->iterations)) {
     shift_out(cso, ask_mpr(cso, guess), &best, &out->iterations);
     shift_from_axes(cso, 4.0, &best, &out->iterations);
   }

@@ -7,9 +7,11 @@
 #include "collision/manifold.h"
 
 enum { WALK = 16 };          // faces that are followed to each end
-enum { SIDE_OPERATIONS = 10, STEP_OPERATIONS = 40 };  // counted work: a side of a face, a step to the next face
+// Counted work: a side of a face, a step to the next face.
+enum { SIDE_OPERATIONS = 10, STEP_OPERATIONS = 40 };
 
-static const double rocks = 1e-4;  // metres: over edges so much farther than the closest point a limb may rock within a step
+// Metres: over edges so much farther than the closest point a limb may rock within a step.
+static const double rocks = 1e-4;
 
 typedef struct span {        // the part of a segment that lies over a face: 0 to 1 along it
   double from, to;
@@ -63,7 +65,8 @@ static int face_across(const gv_hull *hull, int face, int k) {
 }
 
 // Where a segment that has come over the face leaves it, towards its end: how far along, and over which side.
-static double leave_face(const gv_face *face, gv_vec3 up, const gv_face *segment, bool to_end, int *out_side) {
+static double leave_face(const gv_face *face, gv_vec3 up, const gv_face *segment, bool to_end,
+                         int *out_side) {
   gv_vec3 p = segment->p[0];
   gv_vec3 along = gv_sub(segment->p[1], p);
   double at = to_end ? 1 : 0;
@@ -116,8 +119,8 @@ static void walk_to_end(gv_manifold *m, const gv_reference *r, const gv_face *fa
 }
 
 // The nearest face to the reference that the limb lies over at all: the reference, or one around the vertex.
-static bool find_under_limb(gv_manifold *m, const gv_reference *r, int vertex, const gv_face *segment, gv_face *io_face,
-                            span *out_part) {
+static bool find_under_limb(gv_manifold *m, const gv_reference *r, int vertex, const gv_face *segment,
+                            gv_face *io_face, span *out_part) {
   const gv_core *core = r->core;
   if (clip_segment(m, io_face, r->up, segment, out_part)) return true;
   if (core->kind != GV_CORE_HULL) return false;

@@ -15,7 +15,8 @@ static const double opposite = -0.5;    // cosine of two normals: a turn by more
 static const double same_gap = 1e-9;    // metres
 static const double same_place = 1e-5;  // metres: nearer contacts are one
 
-enum { CLIP_OPERATIONS = 6, CORNER_OPERATIONS = 3, REST_OPERATIONS = 15 };  // counted work: a plane, a corner and plane, the rest
+// Counted work: a plane, a corner and plane, the rest.
+enum { CLIP_OPERATIONS = 6, CORNER_OPERATIONS = 3, REST_OPERATIONS = 15 };
 
 void gv_manifold_add(gv_manifold *m, const gv_reference *reference, gv_vec3 p, double gap, uint16_t face_b) {
   gv_vec3 foot = gv_mad(p, -gap, reference->up);
@@ -28,12 +29,14 @@ void gv_manifold_add(gv_manifold *m, const gv_reference *reference, gv_vec3 p, d
 }
 
 // Flat on flat.
-static void add_polygons(gv_manifold *m, const gv_reference *r, const gv_face *reference, const gv_face *incident) {
+static void add_polygons(gv_manifold *m, const gv_reference *r, const gv_face *reference,
+                         const gv_face *incident) {
   gv_face work[2];
   const gv_face *now = incident;
   for (int k = 0; k < reference->count && now->count > 0; k++) {
     m->operations += CLIP_OPERATIONS + CORNER_OPERATIONS * now->count;
-    gv_face_clip(now, reference->p[k], gv_face_prism_side(reference, k, r->up), gv_manifold_on_side, &work[k % 2]);
+    const gv_vec3 outward = gv_face_prism_side(reference, k, r->up);
+    gv_face_clip(now, reference->p[k], outward, gv_manifold_on_side, &work[k % 2]);
     now = &work[k % 2];
   }
   const uint16_t face_b = r->of_b ? reference->index : incident->index;
@@ -67,16 +70,19 @@ static double spread_of(const gv_corner *kept, int count, gv_vec3 p) {
   return least;
 }
 
+// Is a corner the better next one, `kept` being there already? The deepest first, then the farthest from those.
+static bool is_better_next(const gv_manifold *m, int kept, const gv_corner *a, const gv_corner *b) {
+  if (kept == 0) return a->gap < b->gap - same_gap;
+  return spread_of(m->corner, kept, a->on_a) > 1.000001 * spread_of(m->corner, kept, b->on_a);
+}
+
 // Keep the deepest, then always the one farthest from those kept.
 static void reduce(gv_manifold *m) {
   if (m->count <= GV_MAX_PAIR_CONTACTS) return;
   for (int kept = 0; kept < GV_MAX_PAIR_CONTACTS; kept++) {
     int best = kept;
-    for (int i = kept + 1; i < m->count; i++) {
-      bool better = kept == 0 ? m->corner[i].gap < m->corner[best].gap - same_gap
-                              : spread_of(m->corner, kept, m->corner[i].on_a) > 1.000001 * spread_of(m->corner, kept, m->corner[best].on_a);
-      if (better) best = i;
-    }
+    for (int i = kept + 1; i < m->count; i++)
+      if (is_better_next(m, kept, &m->corner[i], &m->corner[best])) best = i;
     gv_corner swap = m->corner[kept];
     m->corner[kept] = m->corner[best];
     m->corner[best] = swap;
@@ -85,11 +91,11 @@ static void reduce(gv_manifold *m) {
 }
 
 // The closest point itself, unless a corner is as deep.
-static void add_closest(gv_manifold *m, const gv_shape *a, const gv_distance *d, double radii, uint16_t face_b) {
-  double gap = d->distance + radii;
+static void add_closest(gv_manifold *m, double radius_a, const gv_distance *d, uint16_t face_b) {
+  double gap = m->closest;
   for (int i = 0; i < m->count; i++)
     if (m->corner[i].gap <= gap + same_gap) return;
-  gv_vec3 on_a = gv_mad(d->on_a, a->radius, d->normal_world);
+  gv_vec3 on_a = gv_mad(d->on_a, radius_a, d->normal_world);
   if (m->count == GV_FACE_CORNERS) m->count--;
   m->corner[m->count++] = (gv_corner){on_a, gv_mad(on_a, -gap, d->normal_world), gap, face_b};
 }
@@ -110,14 +116,16 @@ static void gather(gv_manifold *m, const gv_cso *cso, uint16_t *out_face_b) {
   const gv_reference r = {of_b ? &cso->b : &cso->a, of_b, of_b ? m->n : gv_neg(m->n)};
   gv_face *reference = of_b ? &b : &a;
   const gv_face *incident = of_b ? &a : &b;
-  if (incident->count == 2) gv_manifold_add_limb(m, &r, of_b ? cache->vertex_b : cache->vertex_a, incident, reference);
+  const int vertex = of_b ? cache->vertex_b : cache->vertex_a;
+  if (incident->count == 2) gv_manifold_add_limb(m, &r, vertex, incident, reference);
   else add_polygons(m, &r, reference, incident);
 }
 
 // Of a body pressed into a thin one the nearer side can be the far one. Nothing passes from one side to the
 // opposite one within a step while it touches both: such a turn of the normal is not taken, and the depth is
 // that along the last normal, so that the contact leads back to where the body came from.
-static void keep_side_of_entry(const gv_cso *cso, const gv_pair *pair, gv_vec3 last_normal_world, gv_distance *io) {
+static void keep_side_of_entry(const gv_cso *cso, const gv_pair *pair, gv_vec3 last_normal_world,
+                               gv_distance *io) {
   if (io->method == GV_DISTANCE_BEYOND || io->distance >= 0) return;
   const gv_vec3 last = gv_rotate_inv(cso->q_world_b, last_normal_world);
   if (gv_dot(last, io->normal_world) > opposite) return;
@@ -155,7 +163,7 @@ int gv_manifold_pair(gv_narrow narrow, const gv_pair *pair, double margin, gv_pa
   m.count = 0;
   m.operations = REST_OPERATIONS;
   gather(&m, &cso, &face_b);
-  add_closest(&m, a, &d, radii, face_b);
+  add_closest(&m, a->radius, &d, face_b);
   m.operations += m.count * m.count;
   merge_near(&m);
   reduce(&m);
@@ -164,7 +172,10 @@ int gv_manifold_pair(gv_narrow narrow, const gv_pair *pair, double margin, gv_pa
     gv_vec3 middle = gv_scale(gv_add(m.corner[i].on_a, m.corner[i].on_b), 0.5);
     middle = gv_mad(middle, 0.5 * (b->radius - a->radius), m.n);
     double depth = fmin(radii - m.corner[i].gap, -d.distance);  // rounding aside, no corner is deeper
-    out[i] = (gv_contact_point){gv_transform(*pair->T_world_b, middle), cache->normal_world, depth, m.corner[i].face_b};
+    out[i].position_world = gv_transform(*pair->T_world_b, middle);
+    out[i].normal_world = cache->normal_world;
+    out[i].depth = depth;
+    out[i].face_b = m.corner[i].face_b;
   }
   return m.count;
 }

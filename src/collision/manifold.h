@@ -28,7 +28,7 @@ typedef struct gv_reference {
   gv_vec3 up;               // unit: n where it is of B, else -n
 } gv_reference;
 
-static const double gv_manifold_steep = 0.3;    // least cosine of a reference face and the normal (72 degrees)
+static const double gv_manifold_steep = 0.3;    // least cosine of reference face and normal (72 degrees)
 static const double gv_manifold_on_side = 1e-9; // metres: a corner this far outside the prism is still inside
 
 // Height of q over the face, measured along `up`.

@@ -103,8 +103,8 @@ static gv_pose pose_in_b(const gv_pair *pair) {
   return (gv_pose){q, gv_transform_inv(*pair->T_world_b, pair->T_world_a->p)};
 }
 
-void gv_distance_in_b(gv_narrow narrow, const gv_pair *pair, double max_distance, gv_pair_cache *cache, gv_cso *out_cso,
-                      gv_distance *out) {
+void gv_distance_in_b(gv_narrow narrow, const gv_pair *pair, double max_distance, gv_pair_cache *cache,
+                      gv_cso *out_cso, gv_distance *out) {
   assert((unsigned)narrow < sizeof phase_of / sizeof *phase_of);
   assert(max_distance >= 0);
   double radii = pair->a->radius + pair->b->radius;

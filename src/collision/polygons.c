@@ -8,7 +8,8 @@
 static const double facing = 0.3;   // least cosine of the polygon's normal and the contact's (72 degrees)
 
 // Lowest point of A's side over the polygon, as its height above the polygon; false where none is over it.
-static bool lowest_over(const gv_face *polygon, double offset, const gv_face *of_a, gv_vec3 *out_point, double *out_height) {
+static bool lowest_over(const gv_face *polygon, double offset, const gv_face *of_a, gv_vec3 *out_point,
+                        double *out_height) {
   gv_face work[2];
   const gv_face *now = of_a;
   for (int k = 0; k < polygon->count && now->count > 0; k++) {
@@ -25,7 +26,8 @@ static bool lowest_over(const gv_face *polygon, double offset, const gv_face *of
   return now->count > 0;
 }
 
-int gv_polygon_depths(const gv_pair *pair, gv_vec3 normal_world, double margin, gv_polygon_depth out[], int max) {
+int gv_polygon_depths(const gv_pair *pair, gv_vec3 normal_world, double margin, gv_polygon_depth out[],
+                      int max) {
   const gv_pose T_world_b = *pair->T_world_b;
   const gv_hull *hull = pair->b->hull;
   const double radii = pair->a->radius + pair->b->radius;

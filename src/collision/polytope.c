@@ -17,24 +17,30 @@ bool gv_polytope_pick_tetrahedron(const gv_vec3 *point, int count, double tolera
   double best = 0;
   for (int k = 0; k < 4; k++) out_pick[k] = 0;
   for (int i = 1; i < count; i++) {
-    double far = gv_norm2(gv_sub(point[i], point[a]));
-    if (far > best) best = far, b = i;
+    double distance2 = gv_norm2(gv_sub(point[i], point[a]));
+    if (!(distance2 > best)) continue;
+    best = distance2;
+    b = i;
   }
   out_pick[1] = (uint16_t)b;
   if (!(sqrt(best) > tolerance)) return false;
   gv_vec3 along = gv_scale(gv_sub(point[b], point[a]), 1.0 / sqrt(best));
   best = 0;
   for (int i = 0; i < count; i++) {
-    double far = distance_to_line2(point[i], point[a], along);
-    if (far > best) best = far, c = i;
+    double distance2 = distance_to_line2(point[i], point[a], along);
+    if (!(distance2 > best)) continue;
+    best = distance2;
+    c = i;
   }
   out_pick[2] = (uint16_t)c;
   if (!(sqrt(best) > tolerance)) return false;
   gv_vec3 n = gv_normalize_or(gv_cross(along, gv_sub(point[c], point[a])), gv_v3(0, 0, 1));
   best = 0;
   for (int i = 0; i < count; i++) {
-    double far = fabs(gv_dot(n, gv_sub(point[i], point[a])));
-    if (far > best) best = far, d = i;
+    double height = fabs(gv_dot(n, gv_sub(point[i], point[a])));
+    if (!(height > best)) continue;
+    best = height;
+    d = i;
   }
   out_pick[3] = (uint16_t)d;
   return best > tolerance;
@@ -57,10 +63,16 @@ bool gv_polytope_start(gv_polytope *P, const uint16_t pick[4]) {
   uint16_t v[4] = {pick[0], pick[1], pick[2], pick[3]};
   const gv_vec3 *p = P->point;
   gv_vec3 n = gv_cross(gv_sub(p[v[1]], p[v[0]]), gv_sub(p[v[2]], p[v[0]]));
-  if (gv_dot(n, gv_sub(p[v[3]], p[v[0]])) > 0) v[1] = pick[2], v[2] = pick[1];
+  if (gv_dot(n, gv_sub(p[v[3]], p[v[0]])) > 0) {  // the other way round
+    v[1] = pick[2];
+    v[2] = pick[1];
+  }
   for (int f = 0; f < 4; f++) {
     gv_polytope_face *F = &P->face[f];
-    for (int k = 0; k < 3; k++) F->vertex[k] = v[corner[f][k]], F->adjacent[k] = adjacent[f][k];
+    for (int k = 0; k < 3; k++) {
+      F->vertex[k] = v[corner[f][k]];
+      F->adjacent[k] = adjacent[f][k];
+    }
     F->state = ALIVE;
     if (!find_plane(p[F->vertex[0]], p[F->vertex[1]], p[F->vertex[2]], &F->normal, &F->offset)) return false;
   }
@@ -74,7 +86,9 @@ int gv_polytope_most_visible(const gv_polytope *P, gv_vec3 point) {
   int found = -1;
   for (int f = 0; f < P->face_count; f++) {
     double height = gv_dot(P->face[f].normal, point) - P->face[f].offset;
-    if (P->face[f].state != DEAD && height > best) best = height, found = f;
+    if (P->face[f].state == DEAD || !(height > best)) continue;
+    best = height;
+    found = f;
   }
   return found;
 }
@@ -103,7 +117,8 @@ static int find_seen(gv_polytope *P, gv_vec3 point, int seed, int *out_edges) {
     for (int k = 0; k < 3; k++) {
       uint16_t from = F->vertex[k], to = F->vertex[(k + 1) % 3], outside = F->adjacent[k];
       if (P->face[outside].state == SEEN) continue;
-      P->edge[edges++] = (gv_polytope_edge){from, to, outside, edge_towards(&P->face[outside], to), {0, 0, 0}, 0};
+      const uint16_t outside_edge = edge_towards(&P->face[outside], to);
+      P->edge[edges++] = (gv_polytope_edge){from, to, outside, outside_edge, {0, 0, 0}, 0};
     }
   }
   *out_edges = edges;
@@ -112,7 +127,10 @@ static int find_seen(gv_polytope *P, gv_vec3 point, int seed, int *out_edges) {
 
 // The outline must be one closed loop; P->link[vertex] becomes the number of the edge that leaves it.
 static bool is_one_loop(gv_polytope *P, int edges) {
-  for (int e = 0; e < edges; e++) P->link[P->edge[e].from] = NONE, P->link[P->edge[e].to] = NONE;
+  for (int e = 0; e < edges; e++) {
+    P->link[P->edge[e].from] = NONE;
+    P->link[P->edge[e].to] = NONE;
+  }
   for (int e = 0; e < edges; e++) {
     if (P->link[P->edge[e].from] != NONE) return false;
     P->link[P->edge[e].from] = (uint16_t)e;
@@ -128,7 +146,8 @@ static bool is_one_loop(gv_polytope *P, int edges) {
 static bool plan_fan(gv_polytope *P, uint16_t point, int edges) {
   for (int e = 0; e < edges; e++) {
     gv_polytope_edge *E = &P->edge[e];
-    if (!find_plane(P->point[E->from], P->point[E->to], P->point[point], &E->normal, &E->offset)) return false;
+    const gv_vec3 from = P->point[E->from], to = P->point[E->to];
+    if (!find_plane(from, to, P->point[point], &E->normal, &E->offset)) return false;
     if (E->offset < P->least_offset) return false;
   }
   return true;
@@ -171,7 +190,8 @@ static void build_fan(gv_polytope *P, uint16_t point, int edges) {
 
 bool gv_polytope_add(gv_polytope *P, uint16_t point, int seed) {
   int edges, seen = find_seen(P, P->point[point], seed, &edges);
-  bool possible = edges >= 3 && count_free(P, edges) + seen >= edges && is_one_loop(P, edges) && plan_fan(P, point, edges);
+  bool fits = edges >= 3 && count_free(P, edges) + seen >= edges;
+  bool possible = fits && is_one_loop(P, edges) && plan_fan(P, point, edges);
   for (int i = 0; i < seen; i++) {
     if (possible) give_slot(P, P->seen[i]);
     else P->face[P->seen[i]].state = ALIVE;

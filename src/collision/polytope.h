@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // A closed convex surface of triangles that grows point by point, in memory of the caller: what the
-// hull builder (set-up, up to 1024 points) and the expanding polytope (real time, up to 112) share.
+// hull builder (set-up, up to GV_MAX_HULL_VERTICES points) and the expanding polytope (real time, up to
+// GV_EPA_MAX_VERTICES) share.
 #ifndef GLOVED_POLYTOPE_H
 #define GLOVED_POLYTOPE_H
 

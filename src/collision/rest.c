@@ -27,12 +27,14 @@ bool gv_rest_is_disturbed(const gv_rest *rest, const gv_broad *broad, bool hand,
   if (hand && gv_broad_hand_is_near(broad, o)) return true;
   for (int i = 0; i < rest->moving_count; i++) {
     const int other = rest->moving[i];
-    if (rest->still_steps[other] == 0 && gv_aabb_meet(&broad->object_box[other], &broad->object_box[o])) return true;
+    if (rest->still_steps[other] > 0) continue;  // it lies still beside it
+    if (gv_aabb_meet(&broad->object_box[other], &broad->object_box[o])) return true;
   }
   return false;
 }
 
-bool gv_rest_lies_still(gv_rest *rest, const gv_broad *broad, bool hand, int o, const gv_body_state *s, int enough) {
+bool gv_rest_lies_still(gv_rest *rest, const gv_broad *broad, bool hand, int o, const gv_body_state *s,
+                        int enough) {
   bool still = gv_norm(s->v) + gv_norm(s->w) * broad->object_reach[o] < still_m_s;
   rest->still_steps[o] = still ? rest->still_steps[o] + 1 : 0;
   if (rest->still_steps[o] < enough || (hand && gv_broad_hand_is_near(broad, o))) return false;

@@ -21,6 +21,7 @@ bool gv_rest_wake(gv_rest *rest, int object);
 bool gv_rest_is_disturbed(const gv_rest *rest, const gv_broad *broad, bool hand, int object);
 // At the step's end, with the object's state then. True where it has been still for `enough` steps, no limb
 // near, and is at rest from now on.
-bool gv_rest_lies_still(gv_rest *rest, const gv_broad *broad, bool hand, int object, const gv_body_state *state, int enough);
+bool gv_rest_lies_still(gv_rest *rest, const gv_broad *broad, bool hand, int object,
+                        const gv_body_state *state, int enough);
 
 #endif

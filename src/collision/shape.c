@@ -14,7 +14,9 @@ int gv_hull_support(const gv_hull *hull, gv_vec3 d, int start, int *io_operation
     *io_operations += 2 + hull->neighbor_start[last + 1] - hull->neighbor_start[last];
     for (int k = hull->neighbor_start[last]; k < hull->neighbor_start[last + 1]; k++) {
       double height = gv_dot(hull->vertex[hull->neighbor[k]], d);
-      if (height > high) high = height, here = hull->neighbor[k];
+      if (!(height > high)) continue;
+      high = height;
+      here = hull->neighbor[k];
     }
   }
   return here;
@@ -32,18 +34,26 @@ void gv_core_place(const gv_shape *shape, gv_pose T_b_shape, gv_core *out) {
 }
 
 void gv_core_in_place(const gv_shape *shape, gv_core *out) {
-  *out = (gv_core){.kind = shape->kind, .hull = shape->hull, .in_place = true, .R = {{{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}},
-                   .axis = {{shape->half.x, 0, 0}, {0, shape->half.y, 0}, {0, 0, shape->half.z}}};
+  const gv_vec3 half = shape->half;
+  *out = (gv_core){
+    .kind = shape->kind,
+    .hull = shape->hull,
+    .in_place = true,
+    .R = {{{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}},
+    .axis = {{half.x, 0, 0}, {0, half.y, 0}, {0, 0, half.z}},
+  };
 }
 
 gv_vec3 gv_core_support(const gv_core *core, gv_vec3 d, uint16_t *hint, int *io_operations) {
   unsigned vertex;
   *io_operations += 3;
   if (core->kind == GV_CORE_HULL) {
-    vertex = (unsigned)gv_hull_support(core->hull, core->in_place ? d : gv_mat3_mul_t(&core->R, d), *hint, io_operations);
+    const gv_vec3 d_hull = core->in_place ? d : gv_mat3_mul_t(&core->R, d);
+    vertex = (unsigned)gv_hull_support(core->hull, d_hull, *hint, io_operations);
   } else {
     vertex = gv_dot(core->axis[0], d) >= 0;
-    if (core->kind == GV_CORE_BOX) vertex |= (unsigned)(gv_dot(core->axis[1], d) >= 0) << 1 | (unsigned)(gv_dot(core->axis[2], d) >= 0) << 2;
+    const int axes = core->kind == GV_CORE_BOX ? 3 : 1;
+    for (int k = 1; k < axes; k++) vertex |= (unsigned)(gv_dot(core->axis[k], d) >= 0) << k;
   }
   *hint = (uint16_t)vertex;
   return gv_core_vertex(core, vertex);
@@ -51,7 +61,8 @@ gv_vec3 gv_core_support(const gv_core *core, gv_vec3 d, uint16_t *hint, int *io_
 
 double gv_core_height(const gv_shape *shape, gv_vec3 d, uint16_t *hint, int *io_operations) {
   *io_operations += 3;
-  if (shape->kind != GV_CORE_HULL) return fabs(d.x) * shape->half.x + fabs(d.y) * shape->half.y + fabs(d.z) * shape->half.z;
+  const gv_vec3 half = shape->half;
+  if (shape->kind != GV_CORE_HULL) return fabs(d.x) * half.x + fabs(d.y) * half.y + fabs(d.z) * half.z;
   *hint = (uint16_t)gv_hull_support(shape->hull, d, *hint, io_operations);
   return gv_dot(shape->hull->vertex[*hint], d);
 }

@@ -10,7 +10,9 @@
 typedef struct rub { gv_friction friction; double mu; int material; } rub;
 
 // Velocity of a body's point after the step without contacts.
-static gv_vec3 point_velocity(const gv_body_state *s, gv_vec3 p) { return gv_add(s->v, gv_cross(s->w, gv_sub(p, s->T.p))); }
+static gv_vec3 point_velocity(const gv_body_state *s, gv_vec3 p) {
+  return gv_add(s->v, gv_cross(s->w, gv_sub(p, s->T.p)));
+}
 
 static int find_shallowest(const gv_engine *e) {
   int shallow = 0;
@@ -38,7 +40,8 @@ static gv_vec3 friction_dir(gv_vec3 slip, gv_vec3 normal) {
   return n > 1e-6 ? gv_scale(slip, 1.0 / n) : gv_any_perpendicular(normal);
 }
 
-static void add_contact(gv_engine *e, const gv_candidate *pair, const rub *rubbing, const gv_contact_point *k) {
+static void add_contact(gv_engine *e, const gv_candidate *pair, const rub *rubbing,
+                        const gv_contact_point *k) {
   const gv_body_state *a = &e->broad.predicted[pair->body_a], *b = &e->broad.predicted[pair->body_b];
   const gv_vec3 x = k->position_world, n = k->normal_world;
   const gv_vec3 v = gv_sub(point_velocity(a, x), point_velocity(b, x));
@@ -67,7 +70,9 @@ static void add_contact(gv_engine *e, const gv_candidate *pair, const rub *rubbi
   if (k->depth > e->counters.depth_max_m) e->counters.depth_max_m = k->depth;
 }
 
-static rub rub_of_hand(const gv_engine *e) { return (rub){e->cfg.friction, e->cfg.mu_hand, GV_MATERIAL_HAND}; }
+static rub rub_of_hand(const gv_engine *e) {
+  return (rub){e->cfg.friction, e->cfg.mu_hand, GV_MATERIAL_HAND};
+}
 static rub rub_of_object(const gv_object *o) { return (rub){o->friction, o->mu, o->material}; }
 
 // Friction of two bodies: the preset's, what the scene says of the two materials, or the mean of both.
@@ -75,8 +80,9 @@ static rub rub_between(const gv_engine *e, rub a, rub b) {
   if (e->cfg.override_mu > 0.0) return (rub){e->cfg.friction, e->cfg.override_mu, GV_MATERIAL_NONE};
   for (int i = 0; i < e->scene->friction_pair_count && a.material && b.material; i++) {
     const gv_friction_pair *p = &e->scene->friction_pair[i];
-    if ((p->material_a == a.material && p->material_b == b.material) || (p->material_a == b.material && p->material_b == a.material))
-      return (rub){p->friction, p->mu, GV_MATERIAL_NONE};
+    const bool fits = p->material_a == a.material && p->material_b == b.material;
+    const bool fits_turned = p->material_a == b.material && p->material_b == a.material;
+    if (fits || fits_turned) return (rub){p->friction, p->mu, GV_MATERIAL_NONE};
   }
   if (a.friction != b.friction) return a.friction == GV_FRICTION_FIXED_LIMIT ? a : b;
   return (rub){a.friction, sqrt(a.mu * b.mu), GV_MATERIAL_NONE};
@@ -160,7 +166,8 @@ void gv_engine_put_to_rest(gv_engine *e) {
   for (int i = 0; i < e->rest.moving_count; i++) {
     const int o = e->rest.moving[i];
     const gv_body_state *s = gv_dynamics_state(e->dyn, GV_LIMBS + o);
-    if (gv_rest_lies_still(&e->rest, &e->broad, e->placed, o, s, enough)) gv_dynamics_set_rest(e->dyn, GV_LIMBS + o, true);
+    if (!gv_rest_lies_still(&e->rest, &e->broad, e->placed, o, s, enough)) continue;
+    gv_dynamics_set_rest(e->dyn, GV_LIMBS + o, true);
   }
 }
 
@@ -177,7 +184,8 @@ void gv_engine_collide(gv_engine *e) {
   if (e->placed) gv_broad_list_hand(&e->broad);
   gv_broad_list_objects(&e->broad, e->rest.moving, e->rest.moving_count);
   collide_pairs(e);
-  const uint32_t pairs = (uint32_t)(e->broad.pair_count + e->broad.dropped), contacts = (uint32_t)e->contact_count;
+  const uint32_t pairs = (uint32_t)(e->broad.pair_count + e->broad.dropped);
+  const uint32_t contacts = (uint32_t)e->contact_count;
   if (pairs > e->counters.pairs_max) e->counters.pairs_max = pairs;
   if (contacts > e->counters.contacts_max) e->counters.contacts_max = contacts;
 }

@@ -2,6 +2,7 @@
 // Contact manifolds against geometry that can be written down: boxes and limbs on a table, over its rim, on
 // an edge, tilted; and for thousands of random poses what every manifold must keep: as deep as the pair and
 // no deeper, within the margin, points between the surfaces, and no jumps while sliding.
+#include "collision/face.h"
 #include "support/polyhedra.h"
 
 static const double margin = 0.001;
@@ -293,6 +294,31 @@ static void test_contacts_do_not_jump(void) {
   }
 }
 
+// The side that another shape lies on flat, but for a little, is the one that is picked, on round hulls and on thin ones,
+// wherever the climb begins.
+static void test_the_side_lain_on_is_picked(void) {
+  static char space[300000];
+  for (int trial = 0; trial < 60; trial++) {
+    const gv_vec3 half = {0.05, trial % 3 == 0 ? 0.05 : 0.003, trial % 2 ? 0.04 : 0.002};
+    gv_hull hull;
+    build_round_hull(60 + 4 * trial, half, space, sizeof space, &hull);
+    const gv_shape shape = gv_shape_hull(&hull);
+    gv_core core;
+    gv_core_in_place(&shape, &core);
+    for (int i = 0; i < 200; i++) {
+      const gv_vec3 about = hull.face_normal[(int)draw(0, hull.face_count)];
+      const gv_vec3 d = gv_normalize_or(gv_mad(about, pow(10, draw(-8, -4)), draw_unit()), about);
+      uint16_t vertex = (uint16_t)draw(0, hull.vertex_count);
+      int operations = 0;
+      gv_face found;
+      gv_face_towards(&core, d, &vertex, &found, &operations);
+      double best = -1;
+      for (int f = 0; f < hull.face_count; f++) best = fmax(best, gv_dot(hull.face_normal[f], d));
+      CHECK(gv_dot(found.normal, d) > best - 2e-9, "trial %d: cosine %.12g, the best is %.12g", trial, gv_dot(found.normal, d), best);
+    }
+  }
+}
+
 int main(void) {
   build_hulls();
   RUN(test_box_on_a_table);
@@ -308,5 +334,6 @@ int main(void) {
   RUN(test_reduction);
   RUN(test_random_poses);
   RUN(test_contacts_do_not_jump);
+  RUN(test_the_side_lain_on_is_picked);
   return check_done();
 }

@@ -38,6 +38,20 @@ static void test_a_limb_across_a_ridge_touches_both_slopes(void) {
   }
 }
 
+// Polygons up to 72 degrees away from the contact's normal are told, steeper ones are not: a needle's tip of slopes.
+static void test_polygons_up_to_72_degrees_are_told(void) {
+  for (int steeper = 0; steeper < 2; steeper++) {
+    const double angle = (steeper ? 73.5 : 71.5) * GV_PI / 180, height = 0.02 * tan(angle);
+    const gv_vec3 p[] = {{-0.02, -0.1, -height}, {0.02, -0.1, -height}, {-0.02, 0.1, -height}, {0.02, 0.1, -height}, {0, -0.1, 0}, {0, 0.1, 0}};
+    gv_hull hull = hull_of(p, 6);
+    gv_shape limb = gv_shape_capsule(0.02, 0.008), b = gv_shape_hull(&hull);
+    gv_pose T = {{1, 0, 0, 0}, {0, 0, 0.001}};
+    gv_polygon_depth out[16];
+    int count = gv_polygon_depths(&(gv_pair){&limb, &T, &b, &here}, gv_v3(0, 0, 1), 0.0, out, 16);
+    CHECK(count == (steeper ? 0 : 2), "slopes of %g degrees: %d polygons", angle * 180 / GV_PI, count);
+  }
+}
+
 // Against brute force: points of the axis, those whose foot lies in the polygon.
 static void test_depths_equal_dense_sampling(void) {
   unsigned long long r = 11;
@@ -119,6 +133,7 @@ static void test_engine_publishes_them(void) {
 
 int main(void) {
   RUN(test_a_limb_across_a_ridge_touches_both_slopes);
+  RUN(test_polygons_up_to_72_degrees_are_told);
   RUN(test_depths_equal_dense_sampling);
   RUN(test_a_palm_covers_a_small_polygon);
   RUN(test_engine_publishes_them);

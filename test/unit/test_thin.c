@@ -67,7 +67,7 @@ static void test_heavy_things_are_stopped_as_a_kilogram_is(void) {
   CHECK(heavy < 1.5 * one, "%g mm deep, one kilogram %g", heavy * 1e3, one * 1e3);
 }
 
-static gv_contact_point ask(gv_narrow narrow, double z, gv_pair_cache *cache, int *out_count) {
+static gv_contact_point ask_at(gv_narrow narrow, gv_vec3 at, gv_pair_cache *cache, int *out_count) {
   static char memory[4000];
   static gv_hull plate;
   gv_arena arena;
@@ -77,11 +77,27 @@ static gv_contact_point ask(gv_narrow narrow, double z, gv_pair_cache *cache, in
   for (int k = 0; k < 8; k++) corner[k] = gv_v3(k & 1 ? 0.1 : -0.1, k & 2 ? 0.1 : -0.1, k & 4 ? 0.0005 : -0.0005);
   if (gv_hull_build(&arena, corner, 8, &plate)) abort();
   const gv_shape limb = gv_shape_capsule(0.015, 0.008), b = gv_shape_hull(&plate);
-  const gv_pose A = {{1, 0, 0, 0}, {0, 0, z}}, B = gv_pose_identity();
+  const gv_pose A = {{1, 0, 0, 0}, at}, B = gv_pose_identity();
   gv_distance d;
   *out_count = gv_manifold_pair(narrow, &(gv_pair){&limb, &A, &b, &B}, 0.0005, cache, point, &d);
   if (*out_count > 0) CHECK_NEAR(point[0].depth, -d.distance, 1e-9);
   return point[0];
+}
+
+static gv_contact_point ask(gv_narrow narrow, double z, gv_pair_cache *cache, int *out_count) {
+  return ask_at(narrow, gv_v3(0, 0, z), cache, out_count);
+}
+
+// From the top round the edge to the side within one step: a turn of 90 degrees, and it is taken.
+static void test_a_turn_round_the_edge_is_taken(void) {
+  for (int narrow = 0; narrow < 2; narrow++) {
+    gv_pair_cache cache = {.corners = 0};
+    int count;
+    const gv_contact_point top = ask_at((gv_narrow)narrow, gv_v3(0.07, 0, 0.008), &cache, &count);
+    const gv_contact_point side = ask_at((gv_narrow)narrow, gv_v3(0.122, 0, -0.0006), &cache, &count);
+    CHECK(top.normal_world.z > 0.999, "on top: normal z %g", top.normal_world.z);
+    CHECK(count > 0 && side.normal_world.x > 0.99, "beside: %d contacts, normal x %g", count, side.normal_world.x);
+  }
 }
 
 // Pressed from above through a plate of 1 mm, its middle below already: up is where it came from, and as deep as it is.
@@ -104,5 +120,6 @@ int main(void) {
   RUN(test_what_is_dropped_stays_on_the_table);
   RUN(test_heavy_things_are_stopped_as_a_kilogram_is);
   RUN(test_the_side_of_entry_is_kept);
+  RUN(test_a_turn_round_the_edge_is_taken);
   return check_done();
 }
