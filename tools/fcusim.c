@@ -10,6 +10,7 @@
 // tendons pull. --fault spoils device or link from a moment of the script on (fcusim/fault.h). Ends with the script (or --duration). Exit code: 0 done, 1 a command broke a
 // limit (maximum, slew, checksum) or they came too slowly for the watchdog, 2 bad usage or input. One thread: sleep to the next millisecond, receive,
 // step, send. The simulated world takes one step a period: where the host stalls, it stalls with it.
+#include "daemon/load/about.h"
 #include "gloved/drivers.h"
 #include "gloved/sim.h"
 
@@ -229,6 +230,8 @@ static void print_summary(const gv_sim_report *r, const gv_driver_stats *link) {
   if (too_slow(r)) printf("fcusim: commands too far apart: the watchdog let go up to %u times in a second\n", r->drops_a_second);
 }
 
+static gv_about about;  // what this run is made of
+
 static int write_report(const char *path, const gv_sim_report *r, const gv_driver_stats *link) {
   FILE *file = fopen(path, "w");
   if (!file) {
@@ -241,7 +244,9 @@ static int write_report(const char *path, const gv_sim_report *r, const gv_drive
     {"repeated", r->repeated}, {"refused_frames", r->refused_frames}, {"over_max", r->over_max}, {"over_slew", r->over_slew},
     {"foreign", r->foreign}, {"bad_datagrams", link->bad}, {"watchdog_trips", r->watchdog_trips},
     {"watchdog_drops", r->watchdog_drops}, {"drops_a_second", r->drops_a_second}, {"stalled_periods", all.stalls}};
-  fprintf(file, "{\n");
+  fprintf(file, "{\n  \"about\": ");
+  gv_about_json(&about, file);
+  fputs(",\n", file);
   for (size_t i = 0; i < sizeof count / sizeof count[0]; i++) fprintf(file, "  \"%s\": %" PRIu64 ",\n", count[i].name, count[i].value);
   fprintf(file, "  \"tension_max_n\": [%.4f, %.4f, %.4f, %.4f, %.4f],\n", t[0], t[1], t[2], t[3], t[4]);
   fprintf(file, "  \"slew_max_n_per_s\": %.2f,\n  \"deviation_max_rad\": %.6f,\n  \"zero_after_s\": %.4f\n}\n",
@@ -253,6 +258,8 @@ int main(int argc, char **argv) {
   gv_keep_standard_files();
   options o;
   if (argc == 2 && strcmp(argv[1], "--help") == 0) return puts(usage_text) < 0;
+  gv_about_now(&about);
+  gv_about_command_line(argc, argv, about.command_line);
   int error = read_options(argc, argv, &o);
   if (error) return error;
   if (open_link(&o)) return 2;

@@ -9,7 +9,7 @@ import lcm
 
 ROOT = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
 FOLDER = os.path.join(ROOT, "build", "types-python")
-TYPES = {"GLOVED_STATE": "state_t", "GLOVED_STATS": "stats_t", "GLOVED_EVENT": "event_t", "GLOVED_TRACE": "trace_t",
+TYPES = {"GLOVED_STATE": "state_t", "GLOVED_STATS": "stats_t", "GLOVED_EVENT": "event_t", "GLOVED_ABOUT": "about_t", "GLOVED_TRACE": "trace_t",
          "DRAKE_VIEWER_LOAD_ROBOT": "viewer_load_t", "DRAKE_VIEWER_DRAW": "viewer_draw_t"}
 
 

@@ -5,13 +5,16 @@
 // and a new one goes on with the same devices. Start reading here, then loop.c, session.c, and src/engine/engine.c.
 #include <signal.h>
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 #include <unistd.h>
 
 #include "gloved/drivers.h"
 #include "daemon/doctor/doctor.h"
+#include "daemon/load/about.h"
 #include "daemon/load/devices.h"
 #include "daemon/load/output.h"
+#include "daemon/load/replay.h"
 #include "daemon/loop/machine.h"
 #include "daemon/options.h"
 #include "daemon/tell/slow.h"
@@ -31,6 +34,10 @@ typedef struct program {
   gv_telemetry *telemetry;
   gv_recorder recorder;
   gv_black_box *black_box;   // null: none
+  gv_about about;            // what this run is made of
+  gv_about recorded;         // what the recording was made of that is replayed
+  const char *scene_text;    // of the recording's scene, where its file is not as it was; else null
+  char next_scene[GV_SETTING_TEXT]; // file of `next`
   FILE *summary_file;        // null: not asked for
   gv_session session;
   gv_loop loop;
@@ -93,7 +100,7 @@ static void set_budget(program *p) {
 
 static int open_world(program *p) {
   set_budget(p);
-  if (gv_world_load(&p->world, p->settings.scene, &p->settings.engine, p->err, sizeof p->err)) return -1;
+  if (gv_world_load(&p->world, p->settings.scene, p->scene_text, &p->settings.engine, p->err, sizeof p->err)) return -1;
   if (gv_world_start(&p->world, &p->settings.engine) == 0) return 0;
   snprintf(p->err, sizeof p->err, "%s: the engine does not start; use a smaller scene", p->settings.scene);
   return -1;
@@ -105,7 +112,8 @@ static const char *load_scene(void *user, const char *file) {
   if (p->pace == GV_PACE_FREE || strncmp(p->settings.fcu, "trace:", 6) == 0 || p->recorder.file)
     return "a recording is of one scene; start gloved with --scene";
   gv_world_close(&p->next);  // what the loop refused last time
-  return gv_world_load(&p->next, file, &p->settings.engine, p->err, sizeof p->err) ? p->err : NULL;
+  snprintf(p->next_scene, sizeof p->next_scene, "%s", file);
+  return gv_world_load(&p->next, file, NULL, &p->settings.engine, p->err, sizeof p->err) ? p->err : NULL;
 }
 
 // Where nobody asked for a certain LCM, a machine without multicast is told so, and the hand works all the same.
@@ -114,7 +122,7 @@ static int open_telemetry(program *p) {
   gv_settings_default(&defaults);
   const bool required = p->options.lcm || strcmp(p->settings.lcm, defaults.lcm) != 0;
   const gv_telemetry_config telemetry = {.lcm_url = p->settings.lcm, .lcm_required = required, .log_path = p->options.check ? NULL : p->options.log,
-                                         .scene = &p->world.scene, .hand = &p->settings.engine.hand, .arena = &p->world.arena,
+                                         .scene = &p->world.scene, .hand = &p->settings.engine.hand, .arena = &p->world.arena, .about = &p->about,
                                          .load_scene = load_scene, .user = p, .give_up = &give_up};
   p->telemetry = gv_telemetry_open(&telemetry, p->err, sizeof p->err);
   if (p->telemetry && p->err[0]) fprintf(stderr, "gloved: going on without LCM: %s\n", p->err);
@@ -131,6 +139,7 @@ static int open_summary(program *p) {
 
 static int open_recorder(program *p) {
   if (!p->options.record || p->options.check) return 0;
+  if (gv_about_write(&p->about, p->options.record, p->err, sizeof p->err)) return -1;
   return gv_recorder_open(&p->recorder, p->options.record, p->settings.fcu, p->err, sizeof p->err);
 }
 
@@ -141,7 +150,7 @@ static int open_black_box(program *p) {
   if (replay || strcmp(p->settings.black_box, "none") == 0) return 0;
   if (gv_black_box_folder(p->settings.black_box, folder, p->err, sizeof p->err)) return -1;
   if (p->options.check) return 0;
-  p->black_box = gv_black_box_open(folder, p->settings.fcu, p->settings.rate_hz);
+  p->black_box = gv_black_box_open(folder, &p->about);
   if (p->black_box) return 0;
   snprintf(p->err, sizeof p->err, "no memory for the black box; close other programs, or leave it out with --black-box none");
   return -1;
@@ -160,10 +169,13 @@ static int check_outputs(program *p) {
   const bool from_trace = strncmp(p->settings.fcu, "trace:", 6) == 0;
   char trace[GV_SETTING_TEXT] = "";
   if (from_trace) snprintf(trace, sizeof trace, "%.*s", (int)strcspn(p->settings.fcu + 6, "?"), p->settings.fcu + 6);
+  char about[GV_SETTING_TEXT + 16] = "";
+  if (p->options.record) snprintf(about, sizeof about, "%s.about", p->options.record);
   const gv_named_file file[] = {
     {"--config", p->options.config, false},   {"--scene", p->settings.scene, false}, {"--fcu trace:", trace, false},
     {"calibration", p->settings.calibration, false},
     {"--summary", p->options.summary, true},  {"--record", p->options.record, true}, {"--log", p->options.log, true},
+    {"--record", about, true},
   };
   return gv_output_check(file, sizeof file / sizeof file[0], p->err, sizeof p->err);
 }
@@ -175,19 +187,48 @@ static void tell_laxer(const program *p) {
   if (*laxer) fprintf(stderr, "gloved: protects less than the defaults (in brackets): %s\n", laxer);
 }
 
+// A recording is replayed on the scene that it was made on.
+static int choose_scene(program *p) {
+  char warning[300];
+  gv_settings defaults;
+  gv_settings_default(&defaults);
+  const bool chosen = p->options.scene || strcmp(p->settings.scene, defaults.scene) != 0;
+  if (gv_replay_scene(&p->settings, chosen, &p->recorded, &p->scene_text, warning, p->err, sizeof p->err)) return -1;
+  if (warning[0]) fprintf(stderr, "gloved: %s\n", warning);
+  return 0;
+}
+
+static void describe(program *p) {
+  gv_about *about = &p->about;
+  const gv_settings *settings = &p->settings;
+  gv_about_now(about);
+  snprintf(about->fcu, sizeof about->fcu, "%s", settings->fcu);
+  snprintf(about->tracker, sizeof about->tracker, "%s", settings->tracker);
+  snprintf(about->hand, sizeof about->hand, "%s", settings->engine.hand.side == GV_LEFT ? "left" : "right");
+  about->rate_hz = settings->rate_hz;
+  if (p->options.config) gv_about_read_file(p->options.config, &about->settings);
+  gv_about_read_file(settings->scene, &about->scene);
+  if (!p->scene_text) return;
+  free(about->scene.text);
+  about->scene = p->recorded.scene;
+  about->scene.text = strdup(p->scene_text);
+}
+
 static int set_up(program *p) {
   if (gv_options_settings(&p->options, &p->settings, p->err, sizeof p->err)) return -1;
   if (check_outputs(p)) return -1;
   fit_limiter(p);
   tell_laxer(p);
-  if (open_world(p)) return -1;
+  if (choose_scene(p) || open_world(p)) return -1;
+  describe(p);
   if (gv_device_open(&p->settings, &p->driver, &p->pace, p->err, sizeof p->err)) return -1;
   if (p->err[0]) fprintf(stderr, "gloved: %s\n", p->err);
   if (p->settings.sync_device && !p->driver.descriptor) {
     snprintf(p->err, sizeof p->err, "--fcu %s: its frames come when they are asked for; --sync device is for a device on a wire", p->settings.fcu);
     return -1;
   }
-  if (open_telemetry(p) || open_recorder(p) || open_black_box(p)) return -1;
+  if (open_black_box(p)) return -1;
+  if (open_telemetry(p) || open_recorder(p)) return -1;
   return open_summary(p);
 }
 
@@ -228,6 +269,7 @@ static int change_scene(program *p) {
   const uint64_t steps = (uint64_t)gv_session_steps(&p->session);
   gv_world_close(&p->world);
   p->world = p->next;
+  gv_about_read_file(p->next_scene, &p->about.scene);
   p->next = (gv_world){0};
   if (gv_world_start(&p->world, &p->settings.engine)) return -1;
   gv_session_change_engine(&p->session, p->world.engine, steps);
@@ -268,7 +310,7 @@ static int run(program *p) {
 
 static int report(program *p) {
   const bool fault = p->loop.state_before_stop == GV_SAFETY_FAULT;
-  const gv_summary summary = {.loop = &p->loop, .scene = &p->world.scene, .arena = &p->world.arena, .title = p->settings.fcu,
+  const gv_summary summary = {.loop = &p->loop, .scene = &p->world.scene, .arena = &p->world.arena, .title = p->settings.fcu, .about = &p->about,
                               .reason = fault ? GV_EXIT_FAULT : (gv_exit)atomic_load(&p->loop.exit),
                               .telemetry_failed = gv_telemetry_failed(p->telemetry),
                               .driver = p->driver.stats(p->driver.self)};
@@ -300,10 +342,9 @@ static void say_what_was_found(const program *p) {
 // 0, or negative where frames are missing in the recording.
 static int close_recorder(program *p) {
   const uint64_t dropped = gv_ring_dropped(&p->loop.frames);
-  const bool recording = p->recorder.file != NULL;
+  if (!p->recorder.file) return 0;
   if (gv_recorder_close(&p->recorder) == 0 && dropped == 0) return 0;
-  if (recording) fprintf(stderr, "gloved: %s: %s; make room on a faster disk\n", p->options.record,
-                         dropped ? "frames are missing" : "not written");
+  fprintf(stderr, "gloved: %s: %s; make room on a faster disk\n", p->options.record, dropped ? "frames are missing" : "not written");
   return -1;
 }
 
@@ -322,6 +363,8 @@ static void tear_down(program *p) {
   if (p->driver.close) p->driver.close(p->driver.self);
   gv_world_close(&p->next);
   gv_world_close(&p->world);
+  gv_about_free(&p->about);
+  gv_about_free(&p->recorded);
 }
 
 // The machine alone: nothing is opened, so that it can be asked beside a running gloved.
@@ -348,6 +391,7 @@ int main(int argc, char **argv) {
     else printf("gloved %s\n", gv_version_text());
     return OK;
   }
+  gv_about_command_line(argc, argv, p.about.command_line);
   if (p.options.doctor) return examine(&p);
   if (set_up(&p)) {
     fprintf(stderr, "gloved: %s\n", p.err);

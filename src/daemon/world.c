@@ -11,8 +11,9 @@
 // again. What the scene at hand does not need is given back.
 static const size_t reserved_size = (size_t)256 << 20;
 
-static int fill(gv_world *world, const char *scene, const gv_config *cfg, char *err, size_t err_size) {
-  if (gv_scene_load(scene, &world->arena, &world->scene, err, err_size)) return -1;
+static int fill(gv_world *world, const char *scene, const char *text, const gv_config *cfg, char *err, size_t err_size) {
+  if (text ? gv_scene_load_text(scene, text, &world->arena, &world->scene, err, err_size)
+           : gv_scene_load(scene, &world->arena, &world->scene, err, err_size)) return -1;
   world->block_size = gv_engine_size(cfg, &world->scene);
   world->block = gv_arena_alloc(&world->arena, "engine", world->block_size);
   if (world->block) return 0;
@@ -20,14 +21,14 @@ static int fill(gv_world *world, const char *scene, const gv_config *cfg, char *
   return -1;
 }
 
-int gv_world_load(gv_world *world, const char *scene, const gv_config *cfg, char *err, size_t err_size) {
+int gv_world_load(gv_world *world, const char *scene, const char *text, const gv_config *cfg, char *err, size_t err_size) {
   *world = (gv_world){.memory = gv_realtime_reserve(reserved_size), .memory_size = reserved_size};
   if (!world->memory) {
     snprintf(err, err_size, "no memory for scene and engine; close other programs");
     return -1;
   }
   gv_arena_init(&world->arena, world->memory, reserved_size);
-  if (fill(world, scene, cfg, err, err_size)) {
+  if (fill(world, scene, text, cfg, err, err_size)) {
     gv_world_close(world);
     return -1;
   }

@@ -21,7 +21,8 @@ typedef struct gv_world {
 
 // Scene and room for its engine; another engine may be running. 0, or negative with one line in err and no world.
 // Reads files and takes memory: main thread.
-int gv_world_load(gv_world *world, const char *scene, const gv_config *cfg, char *err, size_t err_size);
+// text: the scene itself, where its file is not to be read; else null.
+int gv_world_load(gv_world *world, const char *scene, const char *text, const gv_config *cfg, char *err, size_t err_size);
 // The engine, where no other one lives; the world must not move any more (the engine points into it). 0, or negative.
 int gv_world_start(gv_world *world, const gv_config *cfg);
 // Ends the engine and gives the memory back. Nothing where there is no world.

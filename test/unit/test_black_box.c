@@ -14,6 +14,7 @@
 enum { STEP_NS = 1000000 };
 
 static char folder[] = "/tmp/gloved-black-box-XXXXXX";
+static const gv_about about = {.fcu = "sim:", .rate_hz = 1000.0};
 static const int64_t start_us = 1700000000000000;  // 2023-11-14 22:13:20 UTC
 
 static gv_frame glove_frame(int64_t step) {
@@ -72,7 +73,7 @@ static int rows(const char *name, double *out_first, double *out_last) {
 
 static void test_ten_seconds_before_a_fault(void) {
   double first = 0, last = 0;
-  gv_black_box *box = gv_black_box_open(folder, "sim:", 1000.0);
+  gv_black_box *box = gv_black_box_open(folder, &about);
   run_steps(box, 0, 15000);
   CHECK(files() == 0, "written without a fault");
   fault_at(box, 15000);
@@ -80,7 +81,7 @@ static void test_ten_seconds_before_a_fault(void) {
   CHECK(files() == 0, "written before the force can have gone to zero");
   run_steps(box, 15450, 16500);
   gv_black_box_close(box);
-  CHECK(files() == 2, "%d files", files());
+  CHECK(files() == 3, "%d files", files());
   const int count = rows("gloved-fault-20231114T221335Z.csv", &first, &last);
   CHECK(count >= 10490 && count <= 10510, "%d rows", count);
   CHECK_NEAR(first, 5.0, 0.01);
@@ -110,24 +111,25 @@ static void test_no_file_is_overwritten(void) {
   double first, last;
   snprintf(path, sizeof path, "%s/gloved-fault-20231114T221335Z.log", folder);
   stat(path, &before);
-  gv_black_box *box = gv_black_box_open(folder, "sim:", 1000.0);
+  gv_black_box *box = gv_black_box_open(folder, &about);
   run_steps(box, 0, 100);
   fault_at(box, 15000);
   gv_black_box_close(box);  // the end of the program comes before the aftermath
   stat(path, &after);
   CHECK(before.st_size == after.st_size && before.st_mtime == after.st_mtime && before.st_ino == after.st_ino, "written over");
-  CHECK(files() == 4 && rows("gloved-fault-20231114T221335Z-2.csv", &first, &last) == 100, "%d files", files());
+  CHECK(files() == 6 && rows("gloved-fault-20231114T221335Z-2.csv", &first, &last) == 100, "%d files", files());
 }
 
 static void test_a_device_that_flaps_does_not_fill_the_disk(void) {
-  gv_black_box *box = gv_black_box_open(folder, "sim:", 100.0);
+  const gv_about slow = {.fcu = "sim:", .rate_hz = 100.0};
+  gv_black_box *box = gv_black_box_open(folder, &slow);
   const int before = files();
   for (int fault = 0; fault < 3 * GV_BLACK_BOX_MAX; fault++) {
     fault_at(box, fault * 1000);
     run_steps(box, fault * 1000, fault * 1000 + 1000);
   }
   gv_black_box_close(box);
-  CHECK(files() - before == 2 * GV_BLACK_BOX_MAX, "%d files", files() - before);
+  CHECK(files() - before == 3 * GV_BLACK_BOX_MAX, "%d files", files() - before);
 }
 
 static void test_folder(void) {
@@ -146,7 +148,7 @@ static void test_folders_are_made(void) {
   char deep[300];
   double first, last;
   snprintf(deep, sizeof deep, "%s/a/b", folder);
-  gv_black_box *box = gv_black_box_open(deep, "sim:", 1000.0);
+  gv_black_box *box = gv_black_box_open(deep, &about);
   run_steps(box, 0, 100);
   fault_at(box, 15000);
   gv_black_box_close(box);

@@ -134,17 +134,27 @@ static bool fail_parse(gv_conf *conf, const config_t *config) {
                  text ? text : "syntax error");
 }
 
-bool gv_conf_open(gv_conf *conf, const char *path, char *err, size_t err_size) {
-  *conf = (gv_conf){.path = path, .err = err, .err_size = err_size};
-  char *text = read_text(conf);
+static void parse(gv_conf *conf, const char *text) {
   config_t *config = text && check_text(conf, text) ? malloc(sizeof *config) : NULL;
   if (config) {
     config_init(config);
     conf->config = config;
     if (!config_read_string(config, text)) fail_parse(conf, config);
   } else fail_at(conf, 0, "out of memory while reading");
-  free(text);
   if (conf->failed) gv_conf_close(conf);
+}
+
+bool gv_conf_open(gv_conf *conf, const char *path, char *err, size_t err_size) {
+  *conf = (gv_conf){.path = path, .err = err, .err_size = err_size};
+  char *text = read_text(conf);
+  parse(conf, text);
+  free(text);
+  return !conf->failed;
+}
+
+bool gv_conf_open_text(gv_conf *conf, const char *name, const char *text, char *err, size_t err_size) {
+  *conf = (gv_conf){.path = name, .err = err, .err_size = err_size};
+  parse(conf, text);
   return !conf->failed;
 }
 
@@ -322,6 +332,14 @@ bool gv_conf_text(gv_conf_group *group, const char *key, char *out, size_t size)
     if (iscntrl((unsigned char)*c)) return gv_conf_fail(node, "'%s' holds a control character; remove it", key);
   memcpy(out, text, strlen(text) + 1);
   return true;
+}
+
+const char *gv_conf_long_text(gv_conf_group *group, const char *key) {
+  gv_conf_node node = gv_conf_find(group, key);
+  if (!gv_conf_has(node)) return NULL;
+  const char *text = config_setting_get_string(node.setting);
+  if (!text) gv_conf_fail(node, "'%s' is no text; put it into double quotes", key);
+  return text;
 }
 
 bool gv_conf_is_text(gv_conf_node node) { return gv_conf_has(node) && config_setting_get_string(node.setting); }

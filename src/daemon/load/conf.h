@@ -36,6 +36,8 @@ typedef struct gv_conf_group {
 
 // Parse the file. On an error the file is closed, err written and false returned.
 bool gv_conf_open(gv_conf *conf, const char *path, char *err, size_t err_size);
+// The same for text that is no file; `name` stands in messages.
+bool gv_conf_open_text(gv_conf *conf, const char *name, const char *text, char *err, size_t err_size);
 void gv_conf_close(gv_conf *conf);
 // Refuse the file at this value (null setting: at the file as a whole). The first error wins. Returns false.
 bool gv_conf_fail(gv_conf_node at, const char *format, ...) __attribute__((format(printf, 2, 3)));
@@ -61,6 +63,8 @@ bool gv_conf_integer(gv_conf_group *group, const char *key, int min, int max, in
 bool gv_conf_bool(gv_conf_group *group, const char *key, bool *out);
 // Text of at most size - 1 bytes, no control characters.
 bool gv_conf_text(gv_conf_group *group, const char *key, char *out, size_t size);
+// Text of any length, as it is; null where there is none. Valid until gv_conf_close.
+const char *gv_conf_long_text(gv_conf_group *group, const char *key);
 // Is it there, and text in quotes?
 bool gv_conf_is_text(gv_conf_node node);
 // One of `names` (null-terminated); the index goes to out.

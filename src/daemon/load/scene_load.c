@@ -420,13 +420,21 @@ static void read_scene(loader *l, gv_conf *conf) {
   for (int i = 0; i < l->scene.object_count && !conf->failed; i++) read_object(l, gv_conf_entry(objects, i));
 }
 
-int gv_scene_load(const char *path, gv_arena *arena, gv_scene *out, char *err, size_t err_size) {
-  gv_conf conf;
+static int load(gv_conf *conf, gv_arena *arena, gv_scene *out) {
   loader l = {.arena = arena};
-  if (!gv_conf_open(&conf, path, err, err_size)) return -1;
-  read_scene(&l, &conf);
-  gv_conf_close(&conf);
-  if (conf.failed) return -1;
+  read_scene(&l, conf);
+  gv_conf_close(conf);
+  if (conf->failed) return -1;
   *out = l.scene;
   return 0;
+}
+
+int gv_scene_load(const char *path, gv_arena *arena, gv_scene *out, char *err, size_t err_size) {
+  gv_conf conf;
+  return gv_conf_open(&conf, path, err, err_size) ? load(&conf, arena, out) : -1;
+}
+
+int gv_scene_load_text(const char *name, const char *text, gv_arena *arena, gv_scene *out, char *err, size_t err_size) {
+  gv_conf conf;
+  return gv_conf_open_text(&conf, name, text, err, err_size) ? load(&conf, arena, out) : -1;
 }

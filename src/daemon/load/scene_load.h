@@ -12,5 +12,7 @@
 // allowed: about 12 MB). 0, or negative with one line (file, line, what, what to do) in err.
 // Set-up only: reads a file, takes temporary memory from the heap.
 int gv_scene_load(const char *path, gv_arena *arena, gv_scene *out, char *err, size_t err_size);
+// The same from the text of such a file; `name` stands in messages.
+int gv_scene_load_text(const char *name, const char *text, gv_arena *arena, gv_scene *out, char *err, size_t err_size);
 
 #endif

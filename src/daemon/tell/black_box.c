@@ -40,6 +40,7 @@ typedef struct range { uint64_t next, end; } range;
 struct gv_black_box {
   char folder[512], path[560];  // of the files being written, without their endings
   char iface[16];
+  const gv_about *about;
   gv_frame *frame;
   box_step *step;
   uint64_t frame_room, step_room;     // entries
@@ -82,10 +83,13 @@ static void make_folders(const char *folder) {
 
 // ---- keeping --------------------------------------------------------------------------------------------
 
-gv_black_box *gv_black_box_open(const char *folder, const char *fcu, double rate_hz) {
+gv_black_box *gv_black_box_open(const char *folder, const gv_about *about) {
+  const char *fcu = about->fcu;
+  const double rate_hz = about->rate_hz;
   gv_black_box *box = calloc(1, sizeof *box);
   if (!box) return NULL;
   const bool can = strncmp(fcu, "can:", 4) == 0;
+  box->about = about;
   snprintf(box->folder, sizeof box->folder, "%s", folder);
   snprintf(box->iface, sizeof box->iface, "%.15s", can ? fcu + 4 : "can0");
   box->step_room = (uint64_t)(rate_hz * KEPT_MS / 1000) + 1;
@@ -172,6 +176,12 @@ static void find_ranges(gv_black_box *box) {
     box->csv_range.next++;
 }
 
+static void write_about(const gv_black_box *box) {
+  char log[600], err[300];
+  snprintf(log, sizeof log, "%s.log", box->path);
+  if (gv_about_write(box->about, log, err, sizeof err)) fprintf(stderr, "gloved: black box: %s\n", err);
+}
+
 static void begin(gv_black_box *box) {
   box->waiting = false;
   box->written++;
@@ -182,6 +192,7 @@ static void begin(gv_black_box *box) {
     return;
   }
   find_ranges(box);
+  write_about(box);
   fputs("step,time_s,utime,state,faults,events,wake_us,work_us,contacts,depth_mm", box->csv);
   for (int i = 0; i < GV_FINGERS; i++) fprintf(box->csv, ",desired%d_n", i);
   for (int i = 0; i < GV_FINGERS; i++) fprintf(box->csv, ",commanded%d_n", i);

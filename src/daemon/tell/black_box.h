@@ -8,6 +8,7 @@
 #include <stdbool.h>
 #include <stddef.h>
 
+#include "daemon/load/about.h"
 #include "daemon/loop/snapshot.h"
 
 enum {
@@ -23,9 +24,9 @@ typedef struct gv_black_box gv_black_box;
 // negative with one line in err. 0, and the name in out; the folder of the user is made when the first fault is written.
 int gv_black_box_folder(const char *asked, char out[512], char *err, size_t err_size);
 
-// Takes all its memory (some 8 MB at 1 kHz). Null: there is none. `fcu`: the URL, for the interface's name in the log.
-// One at a time.
-gv_black_box *gv_black_box_open(const char *folder, const char *fcu, double rate_hz);
+// Takes all its memory (some 8 MB at 1 kHz). Null: there is none. `about` must outlive it; one that says what the run
+// is made of is written beside each log.
+gv_black_box *gv_black_box_open(const char *folder, const gv_about *about);
 
 // A frame in or out with the stamp of its step (gv_loop.frames), a step (gv_loop.steps), what happened (gv_loop.records).
 void gv_black_box_frame(gv_black_box *box, const gv_frame *frame);

@@ -95,7 +95,9 @@ static void put_objects(FILE *out, const gv_session *session, const gv_scene *sc
 
 int gv_summary_json(const gv_summary *s, FILE *out) {
   const gv_session *session = s->loop->session;
-  fputs("{\n  \"exit_reason\": ", out);
+  fputs("{\n  \"about\": ", out);
+  gv_about_json(s->about, out);
+  fputs(",\n  \"exit_reason\": ", out);
   gv_json_text(out, gv_exit_name(s->reason));
   fputs(",\n  \"state\": ", out);
   gv_json_text(out, gv_safety_name(s->loop->state_before_stop));

@@ -6,6 +6,7 @@
 #include <stdio.h>
 
 #include "gloved/scene.h"
+#include "daemon/load/about.h"
 #include "daemon/loop/loop.h"
 
 typedef struct gv_summary {
@@ -16,6 +17,7 @@ typedef struct gv_summary {
   uint64_t telemetry_failed; // messages that LCM or the disk refused
   const gv_arena *arena;
   const char *title;         // what ran
+  const gv_about *about;
 } gv_summary;
 
 // The keys are listed in DESIGN.md, "Interfaces". An object's position and quaternion are those of its own

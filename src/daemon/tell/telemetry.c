@@ -9,6 +9,7 @@
 #include "daemon/load/config_load.h"
 
 #include <fcntl.h>
+#include <inttypes.h>
 #include <lcm/lcm.h>
 #include <math.h>
 #include <stdio.h>
@@ -19,6 +20,7 @@
 #include <unistd.h>
 
 #include "daemon/tell/drake.h"
+#include "gloved_about_t.h"
 #include "gloved_command_t.h"
 #include "gloved_event_t.h"
 #include "gloved_state_t.h"
@@ -28,7 +30,8 @@
 #include "gloved_viewer_load_t.h"
 
 // LCM's fragments get lost above 65 kB. The largest state: 16 limbs, 64 objects, 128 contacts, 128 polygons.
-enum { MESSAGE_MAX = 64000, DRAW_US = 50000, LOAD_US = 1000000, STATS_US = 1000000 };
+enum { MESSAGE_MAX = 64000, DRAW_US = 50000, LOAD_US = 1000000, STATS_US = 1000000,
+       ABOUT_US = 10000000 };
 // A batch of steps is sent at 100 ms or when it grows too large; a step takes at most 790 bytes.
 enum { BATCH_STEPS = 100, BATCH_BYTES = 60000, STEP_BYTES = 86, FRAME_BYTES = 14 };
 // What is known of a command before its text: fingerprint, utime, kind, value, length of the text.
@@ -74,6 +77,7 @@ struct gv_telemetry {
   const gv_arena *arena;
   const atomic_bool *give_up;
   const gv_hand_model *hand;
+  const gv_about *about;
   const char *(*load_scene)(void *user, const char *file);
   void *user;
   gv_loop *loop;             // null: not attached yet
@@ -82,7 +86,7 @@ struct gv_telemetry {
   bool listens;              // to commands
   gv_request_rate rate;      // of commands
   gv_request_rate complaints; // about messages that are none
-  int64_t listened_ns, next_stats_us;
+  int64_t listened_ns, next_stats_us, next_about_us;
   uint64_t failed, commands_refused;
   int64_t log_events;
   gloved_state_t state;
@@ -399,6 +403,36 @@ void gv_telemetry_step(gv_telemetry *telemetry, const gv_step_record *record) {
   if (b->trace.num_steps == BATCH_STEPS || b->bytes > BATCH_BYTES - 1000) send_batch(telemetry);
 }
 
+// ---- what runs here -------------------------------------------------------------------------------------
+
+static int64_t now_us(void) {
+  struct timespec now;
+  clock_gettime(CLOCK_REALTIME, &now);
+  return (int64_t)now.tv_sec * 1000000 + now.tv_nsec / 1000;
+}
+
+// The generated types have no const.
+static char *text_of(const char *text) { return (char *)(uintptr_t)text; }
+
+static void send_about(gv_telemetry *telemetry, bool log_alone) {
+  const gv_about *about = telemetry->about;
+  char scene_hash[24], settings_hash[24];
+  const int64_t utime = now_us();
+  if (!about || (!telemetry->lcm && !telemetry->log)) return;
+  snprintf(scene_hash, sizeof scene_hash, "%016" PRIx64, about->scene.hash);
+  snprintf(settings_hash, sizeof settings_hash, "%016" PRIx64, about->settings.hash);
+  const gloved_about_t message = {
+    .utime = utime, .version = text_of(about->version), .commit = text_of(about->commit), .date = text_of(about->date),
+    .command_line = text_of(about->command_line), .fcu = text_of(about->fcu), .tracker = text_of(about->tracker),
+    .hand = text_of(about->hand), .rate_hz = about->rate_hz, .scene = text_of(about->scene.name), .scene_hash = scene_hash,
+    .scene_text = text_of(gv_about_small_text(&about->scene)), .settings = text_of(about->settings.name),
+    .settings_hash = settings_hash, .settings_text = text_of(gv_about_small_text(&about->settings))};
+  const int size = gloved_about_t_encode(telemetry->message, 0, MESSAGE_MAX, &message);
+  if (!log_alone) send_message(telemetry, "GLOVED_ABOUT", utime, size);
+  else if (telemetry->log && size > 0) write_log(telemetry, "GLOVED_ABOUT", utime, size);
+  telemetry->next_about_us = log_alone ? 0 : utime + ABOUT_US;
+}
+
 // ---- commands -----------------------------------------------------------------------------------------
 
 static void send_event(gv_telemetry *telemetry, const gloved_event_t *event) {
@@ -408,12 +442,10 @@ static void send_event(gv_telemetry *telemetry, const gloved_event_t *event) {
 
 // The answer to a command that does not reach the loop.
 static void answer(gv_telemetry *telemetry, int kind, const char *refusal) {
-  struct timespec now;
   char text[ANSWER_TEXT];
-  clock_gettime(CLOCK_REALTIME, &now);
   snprintf(text, sizeof text, "command %s: %s%s", gv_request_name(kind), refusal ? "refused: " : "done", refusal ? refusal : "");
   telemetry->commands_refused += refusal ? 1 : 0;
-  send_event(telemetry, &(gloved_event_t){.utime = (int64_t)now.tv_sec * 1000000 + now.tv_nsec / 1000, .step = telemetry->state.step,
+  send_event(telemetry, &(gloved_event_t){.utime = now_us(), .step = telemetry->state.step,
                                           .time_s = telemetry->state.time_s, .kind = EVENT_COMMAND,
                                           .bits = (kind & 0xff) | (refusal ? GV_RECORD_REFUSED : 0), .text = text});
 }
@@ -429,6 +461,7 @@ static const char *start_log(gv_telemetry *telemetry, const char *path) {
   telemetry->log = lcm_eventlog_create(path, "w");
   telemetry->log_events = 0;
   want_trace(telemetry);
+  if (telemetry->log) send_about(telemetry, true);
   return telemetry->log ? NULL : "the file cannot be written; look at the daemon's directory";
 }
 
@@ -543,6 +576,7 @@ void gv_telemetry_snapshot(gv_telemetry *telemetry, const gv_snapshot *snapshot)
   send_message(telemetry, "GLOVED_STATE", state->utime, gloved_state_t_encode(telemetry->message, 0, MESSAGE_MAX, state));
   if (is_due(&telemetry->next_stats_us, state->utime, STATS_US)) send_stats(telemetry, snapshot);
   send_picture(telemetry, snapshot);
+  if (now_us() >= telemetry->next_about_us) send_about(telemetry, false);
 }
 
 void gv_telemetry_record(gv_telemetry *telemetry, const gv_record *record) {
@@ -601,6 +635,7 @@ gv_telemetry *gv_telemetry_open(const gv_telemetry_config *cfg, char *err, size_
   telemetry.arena = cfg->arena;
   telemetry.give_up = cfg->give_up;
   telemetry.hand = cfg->hand;
+  telemetry.about = cfg->about;
   telemetry.load_scene = cfg->load_scene;
   telemetry.user = cfg->user;
   take_scene(&telemetry);
@@ -619,11 +654,13 @@ gv_telemetry *gv_telemetry_open(const gv_telemetry_config *cfg, char *err, size_
 void gv_telemetry_attach(gv_telemetry *telemetry, gv_loop *loop) {
   telemetry->loop = loop;
   want_trace(telemetry);
+  send_about(telemetry, true);  // the network may block, and the loop does not run yet
 }
 
 void gv_telemetry_change_scene(gv_telemetry *telemetry) {
   send_batch(telemetry);
   take_scene(telemetry);
+  send_about(telemetry, true);
   telemetry->viewer.next_load_us = 0;
   answer(telemetry, GV_REQUEST_SCENE, NULL);
 }

@@ -5,6 +5,7 @@
 
 #include <stddef.h>
 
+#include "daemon/load/about.h"
 #include "gloved/arena.h"
 #include "gloved/scene.h"
 #include "daemon/loop/loop.h"
@@ -21,6 +22,7 @@ typedef struct gv_telemetry_config {
   // Loads the scene in this file beside the loop. Null, or why not and what to do. Null here: no scene by command.
   const char *(*load_scene)(void *user, const char *file);
   void *user;                  // of load_scene
+  const gv_about *about;       // must outlive the telemetry
   const atomic_bool *give_up;  // from when on nothing is sent any more (the log goes on)
 } gv_telemetry_config;
 
