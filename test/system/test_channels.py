@@ -17,8 +17,9 @@ import time
 
 B = os.environ["B"]
 GLOVED = os.path.abspath(B + "/gloved")
-URL = "udpm://239.255.76.67:7779?ttl=0"  # ports of their own: a running daemon is not disturbed
-SECOND_URL = "udpm://239.255.76.67:7780?ttl=0"
+PORT = 20000 + os.getpid() % 10000 * 2  # of their own: no running daemon and no other test is disturbed
+URL = f"udpm://239.255.76.67:{PORT}?ttl=0"
+SECOND_URL = f"udpm://239.255.76.67:{PORT + 1}?ttl=0"
 # The index finger presses on the table from 1.2 s to 3 s; the switch is let go at 3.8 s and pressed at 4.2 s.
 USER = """posture flat thumb_abduction 40 index_mpj 0
 posture press like flat index_mpj 60
