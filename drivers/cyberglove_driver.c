@@ -25,7 +25,8 @@ typedef struct cyberglove {
 } cyberglove;
 
 static const serial_words words = {
-  "CyberGlove", "'S', a byte for each sensor, 0", "compare baud with the switch of its box, sensors=18|22 and wide=yes|no with the glove"};
+  "CyberGlove", "'S', a byte for each sensor, 0",
+  "compare baud with the switch of its box, sensors=18|22 and wide=yes|no with the glove"};
 
 // ---- set-up, in the keeper ------------------------------------------------------------------------
 
@@ -100,7 +101,8 @@ static int set_up(void *self, int fd) {
   uint8_t sensors = (uint8_t)d->sensors, right = d->side == GV_RIGHT;
   if (stop_stream(fd)) return -1;
   if (!d->sensors && !ask(fd, 'S', 1, &sensors))
-    return serial_source_give_up(&d->source, "does not answer ?S (how many sensors); compare baud with its box, or give sensors=18|22");
+    return serial_source_give_up(&d->source, "does not answer ?S (how many sensors); compare baud with its box, "
+                                 "or give sensors=18|22");
   if (sensors != GV_SENSORS && sensors != GV_CYBERGLOVE_FEWER)
     return serial_source_give_up(&d->source, "has neither 18 nor 22 sensors by its answer to ?S; give sensors=18|22");
   if (send_all_sensors(fd, sensors)) return -1;

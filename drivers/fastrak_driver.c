@@ -68,12 +68,14 @@ static int set_up(void *self, int fd) {
   gv_fastrak_status status;
   if (ask(fd, GV_FASTRAK_STOP, QUIET_MS, rest) < 0) return -1;
   if (!ask_status(fd, &status))
-    return serial_source_give_up(&d->source, "does not answer S (its status); switch it on, compare baud with the switches on its back");
+    return serial_source_give_up(&d->source, "does not answer S (its status); switch it on, "
+                                 "compare baud with the switches on its back");
   for (int i = 0; i < ATTEMPTS; i++) {
     if (!send_commands(d, fd)) continue;
     if (!ask_status(fd, &status) || !as_set(d, &status)) continue;
     if (!stations_are_on(d, fd))
-      return serial_source_give_up(&d->source, "has a receiver of ours switched off; plug it in, or give hand= and head= as they are plugged");
+      return serial_source_give_up(&d->source, "has a receiver of ours switched off; plug it in, "
+                                   "or give hand= and head= as they are plugged");
     serial_source_give_up(&d->source, NULL);
     return serial_write(fd, GV_FASTRAK_START, strlen(GV_FASTRAK_START), WRITE_MS);
   }

@@ -49,7 +49,8 @@ typedef struct lucidglove {
   int64_t seen_ms;
 } lucidglove;
 
-static const serial_words words = {"LucidGlove", "lines of letters with numbers, from A on", "compare baud and max with its firmware's Config.h"};
+static const serial_words words = {
+  "LucidGlove", "lines of letters with numbers, from A on", "compare baud and max with its firmware's Config.h"};
 
 // ---- lines out ------------------------------------------------------------------------------------
 
@@ -251,6 +252,7 @@ int gv_lucidglove_open(const char *url, const gv_calibration *cal, gv_side side,
     free(d);
     return -1;
   }
-  *out = (gv_driver){d, poll_lucid, send_lucid, serial_source_ended, stats_lucid, serial_source_close, serial_source_descriptor, GV_CALLS_LINE, serial_source_tell};
+  *out = (gv_driver){d, poll_lucid, send_lucid, serial_source_ended, stats_lucid, serial_source_close,
+                     serial_source_descriptor, GV_CALLS_LINE, serial_source_tell};
   return 0;
 }

@@ -3,6 +3,7 @@
 // names and allocates; poll and send run in the real-time thread, never block and never allocate.
 // The socket is not connected: a peer that is not up yet (ICMP refusal) is then no error, and datagrams
 // of others can be told apart and counted.
+#include <arpa/inet.h>
 #include <errno.h>
 #include <netdb.h>
 #include <netinet/in.h>
@@ -194,22 +195,35 @@ static bool udp_ended(void *self) {
 }
 static int udp_descriptor(void *self) { return ((udp *)self)->fd; }
 static gv_driver_stats udp_stats(void *self) { return ((udp *)self)->stats; }
+static void tell_foreign(udp *u, char *out, size_t size) {
+  const uint64_t from = atomic_load_explicit(&u->foreign_from, memory_order_relaxed);
+  const struct in_addr host = {.s_addr = htonl((uint32_t)(from >> 16))};
+  char name[INET6_ADDRSTRLEN + 8] = "another address";
+  if (from && inet_ntop(AF_INET, &host, name, INET6_ADDRSTRLEN))
+    snprintf(name + strlen(name), sizeof name - strlen(name), ":%d", (int)(from & 65535));
+  snprintf(out, size, "udp: datagrams come from %s, which is not the HOST:PORT given, and are not used; "
+           "give that one, or start its cannelloni with -l PORT", name);
+}
+
 // Each kind of trouble once.
 static bool tell_udp(void *self, int64_t now_ns, char *out, size_t size) {
   udp *u = self;
   (void)now_ns;
   const unsigned news = atomic_load_explicit(&u->trouble, memory_order_relaxed) & ~u->told, bit = news & (~news + 1);
-  const uint64_t from = atomic_load_explicit(&u->foreign_from, memory_order_relaxed);
   u->told |= bit;
   switch (bit) {
     case TROUBLE_FOREIGN:
-      if (from) snprintf(out, size, "udp: datagrams come from %d.%d.%d.%d:%d, which is not the HOST:PORT given, and are not used; give that one, or start its cannelloni with -l PORT",
-                         (int)(from >> 40 & 255), (int)(from >> 32 & 255), (int)(from >> 24 & 255), (int)(from >> 16 & 255), (int)(from & 65535));
-      else snprintf(out, size, "udp: datagrams come from another address than the HOST:PORT given, and are not used; see where with tcpdump");
+      tell_foreign(u, out, size);
       return true;
-    case TROUBLE_BAD: snprintf(out, size, "udp: datagrams come that are no cannelloni version 2 (UDP); start that version, without -S or -C"); return true;
-    case TROUBLE_LARGE: snprintf(out, size, "udp: datagrams of more than %d bytes come and are not used; start cannelloni with -m 9000 or less", (int)GV_CANNELLONI_TAKEN_BYTES); return true;
-    default: return false;
+    case TROUBLE_BAD:
+      snprintf(out, size, "udp: datagrams come that are no cannelloni version 2 (UDP); start that version, without -S or -C");
+      return true;
+    case TROUBLE_LARGE:
+      snprintf(out, size, "udp: datagrams of more than %d bytes come and are not used; start cannelloni with -m 9000 or less",
+               (int)GV_CANNELLONI_TAKEN_BYTES);
+      return true;
+    default:
+      return false;
   }
 }
 
