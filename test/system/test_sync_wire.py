@@ -62,6 +62,15 @@ def test_frames_stay_away(folder):
             f"{s['sync']}, {steps} steps and skipped periods in 3 s")
 
 
+def test_slow_loop(folder):
+    """A loop of 200 Hz beside a glove of 1 kHz: the nearest frame of five begins the step, and commands are repeated."""
+    s, daemon, device = run_pair(folder, 4.0, 3.0, "--sync", "device", "--rate", "200")
+    on_frame = s["sync"]["on_frame"]
+    verdict("a_slow_loop_takes_one_frame_of_five", on_frame > 0.7 * s["steps"] and 580 < s["steps"] + s["overruns"] < 620, f"{s['sync']}, {s['steps']} steps in 3 s")
+    # More where the machine stood still; once at the end.
+    verdict("a_slow_loop_keeps_the_device_fed", device["watchdog_trips"] <= 5 and device["commands"] > 2500, device)
+
+
 def test_refusals():
     for name, options in (("of_a_device_in_the_process", ["--fcu", "sim:", "--sync", "device"]), ("of_another_word", ["--sync", "glove"])):
         done = subprocess.run([f"{B}/gloved", "--lcm", "none", *options], capture_output=True, text=True, timeout=20)
@@ -71,5 +80,6 @@ def test_refusals():
 with tempfile.TemporaryDirectory() as place:
     test_frames_begin_the_steps_and_replay(place)
     test_frames_stay_away(place)
+    test_slow_loop(place)
 test_refusals()
 sys.exit(fails > 0)

@@ -35,14 +35,18 @@ static void play_frames(double rate_hz, double jitter_ns, int64_t first_ns, int6
 
 // The loop as loop.c runs it, in virtual time: steps take none.
 static outcome run_clock(int64_t end_ns) {
-  gv_sync sync = {.period_ns = PERIOD};
+  gv_sync sync;
+  gv_sync_init(&sync, PERIOD);
   outcome o = {.gap_min_ns = INT64_MAX};
   int next = 0;
   int64_t due_ns = 3 * PERIOD, now_ns = 2 * PERIOD;
   while (now_ns < end_ns) {
     const int64_t opens_ns = gv_sync_opens_ns(&sync, due_ns), closes_ns = gv_sync_closes_ns(&sync, due_ns);
     int64_t frame_ns = INT64_MIN;
-    while (next < device.frames && device.frame_ns[next] <= closes_ns && frame_ns < opens_ns) frame_ns = device.frame_ns[next++];
+    while (next < device.frames && device.frame_ns[next] <= closes_ns && frame_ns < opens_ns) {
+      frame_ns = device.frame_ns[next++];
+      gv_sync_note(&sync, frame_ns);
+    }
     const bool on_frame = frame_ns >= opens_ns;
     const int64_t start_ns = !on_frame ? closes_ns : frame_ns > now_ns ? frame_ns : now_ns;
     if (on_frame && start_ns - frame_ns > o.waited_max_ns) o.waited_max_ns = start_ns - frame_ns;
@@ -114,9 +118,13 @@ static void test_a_slow_device_leaves_the_rate_to_the_clock(void) {
 }
 
 static void test_a_fast_device_does_not_hasten_the_simulation(void) {
-  play(2000.0, 0.0, 100, 4.0, "2 kHz");
-  play(8000.0, 0.0, 100, 2.0, "8 kHz");
-  play(1430.0, 50000.0, 100, 4.0, "1430 Hz with jitter");
+  const struct { double rate_hz, jitter_ns; const char *name; } fast[] = {
+    {2000.0, 0.0, "2 kHz"}, {5000.0, 0.0, "5 kHz"}, {8000.0, 20000.0, "8 kHz"}, {1430.0, 50000.0, "1430 Hz with jitter"}};
+  for (int i = 0; i < 4; i++) {
+    const outcome o = play(fast[i].rate_hz, fast[i].jitter_ns, 100, 2.0, fast[i].name);
+    CHECK(o.steps > 1980 && o.steps < 2016, "%s: %d steps in 1998 periods", fast[i].name, o.steps);
+    CHECK(o.on_frame > 0.8 * o.steps, "%s: %d of %d steps on a frame", fast[i].name, o.on_frame, o.steps);
+  }
 }
 
 static void test_frames_that_stay_away_are_told_and_time_goes_on(void) {

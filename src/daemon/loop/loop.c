@@ -240,17 +240,20 @@ static void repeat_until(gv_loop *loop, int64_t due_ns) {
 static int64_t wait_for_device(gv_loop *loop, int64_t *io_due_ns) {
   const int64_t opens_ns = gv_sync_opens_ns(&loop->sync, *io_due_ns), closes_ns = gv_sync_closes_ns(&loop->sync, *io_due_ns);
   int64_t frame_ns = INT64_MIN, now_ns = clock_ns(CLOCK_MONOTONIC);
+  int seen = loop->frame_count;
   for (int looks = 0; frame_ns < opens_ns && now_ns < closes_ns; looks++) {
     const int64_t repeat_ns = loop->commands > 1 ? loop->sent_ns + command_ns(loop) : INT64_MAX;
     const int64_t until_ns = repeat_ns < closes_ns ? repeat_ns : closes_ns;
     if (looks < LOOKS_A_PERIOD) sleep_on_descriptor(loop, until_ns);
     else sleep_until(until_ns);
-    const int before = loop->frame_count;
     now_ns = clock_ns(CLOCK_MONOTONIC);
+    if (now_ns >= repeat_ns) repeat_command(loop);
     take_frames(loop, now_ns);
-    const gv_frame *glove = glove_among(loop, before);
-    if (glove) frame_ns = glove->stamp_ns;
-    if (frame_ns < opens_ns && now_ns >= repeat_ns) repeat_command(loop);
+    const gv_frame *glove = glove_among(loop, seen);
+    seen = loop->frame_count;
+    if (!glove) continue;
+    frame_ns = glove->stamp_ns;
+    gv_sync_note(&loop->sync, frame_ns);
   }
   const bool on_frame = frame_ns >= opens_ns;
   add_relaxed(on_frame ? &loop->on_frame : &loop->on_clock, 1);
@@ -436,7 +439,7 @@ void gv_loop_init(gv_loop *loop, const gv_loop_config *cfg, gv_session *session,
   loop->cfg = *cfg;
   loop->session = session;
   loop->driver = driver;
-  loop->sync.period_ns = cfg->period_ns;
+  gv_sync_init(&loop->sync, cfg->period_ns);
   loop->commands = gv_loop_commands(cfg->period_ns);
   loop->object_count = object_count;
   loop->stop = stop;

@@ -4,7 +4,20 @@
 
 enum { GAIN = 8, PULL_MAX = 50 }; // parts of the error, and of the period, by which the clock moves at once
 
-int64_t gv_sync_opens_ns(const gv_sync *sync, int64_t due_ns) { return due_ns - sync->period_ns / 2; }
+void gv_sync_init(gv_sync *sync, int64_t period_ns) {
+  *sync = (gv_sync){.period_ns = period_ns, .interval_ns = period_ns};
+}
+
+void gv_sync_note(gv_sync *sync, int64_t frame_ns) {
+  int64_t interval_ns = frame_ns - sync->frame_ns;
+  if (interval_ns < 0) interval_ns = 0;
+  if (interval_ns > sync->period_ns) interval_ns = sync->period_ns;
+  sync->interval_ns += (interval_ns - sync->interval_ns) / GAIN;
+  sync->frame_ns = frame_ns;
+}
+
+// Of a device that is faster than the loop, the frame nearest to the due time is the one to take.
+int64_t gv_sync_opens_ns(const gv_sync *sync, int64_t due_ns) { return due_ns - sync->interval_ns / 2; }
 int64_t gv_sync_closes_ns(const gv_sync *sync, int64_t due_ns) { return due_ns + sync->period_ns / 4; }
 
 int64_t gv_sync_follow(const gv_sync *sync, int64_t due_ns, int64_t frame_ns) {
