@@ -173,6 +173,8 @@ static void put_timing(top *t) {
   }
   put(t, "missed deadlines %lld   periods skipped %lld   heap calls %lld   memory %.1f MB", (long long)s->missed_deadlines,
       (long long)s->overruns, (long long)s->heap_calls, (double)s->memory_used * 1e-6);
+  if (s->steps_on_frame + s->steps_on_clock > 0)
+    put(t, "steps begun by the glove's frame %lld, by the own clock %lld", (long long)s->steps_on_frame, (long long)s->steps_on_clock);
   put(t, "lost on the way out: snapshots %lld, events %lld, trace steps %lld, messages %lld", (long long)s->snapshots_dropped,
       (long long)s->events_dropped, (long long)s->trace_dropped, (long long)s->messages_failed);
 }

@@ -9,6 +9,9 @@ import subprocess
 import sys
 import tempfile
 
+sys.path.insert(0, "tools")
+import gloved_log  # noqa: E402
+
 B = os.environ["B"]
 fails = 0
 
@@ -40,11 +43,15 @@ def run_pair(folder, device_s, daemon_s, *options):
 
 def test_frames_begin_the_steps_and_replay(folder):
     log = f"{folder}/sync.log"
-    s, daemon, device = run_pair(folder, 4.0, 3.0, "--sync", "device", "--record", log)
+    lcm_log = f"{folder}/sync.lcm"
+    s, daemon, device = run_pair(folder, 4.0, 3.0, "--sync", "device", "--record", log, "--log", lcm_log)
     on_frame, on_clock = s["sync"]["on_frame"], s["sync"]["on_clock"]
     verdict("the_gloves_frames_begin_the_steps", on_frame > 9 * on_clock and on_frame + on_clock == s["steps"],
             f"{s['sync']}, {s['steps']} steps: {daemon.stdout}")
     verdict("it_says_that_the_device_is_the_clock", "sync: the glove's frames are the clock" in daemon.stdout, daemon.stdout)
+    told = gloved_log.Log(lcm_log).of("GLOVED_STATS")[-1]
+    verdict("the_statistics_count_both_clocks", told.steps_on_frame > 9 * told.steps_on_clock and
+            told.steps_on_frame + told.steps_on_clock <= s["steps"], (told.steps_on_frame, told.steps_on_clock))
     replay = f"{folder}/replay.json"
     subprocess.run([f"{B}/gloved", "--fcu", f"trace:{log}?speed=0", "--lcm", "none", "--summary", replay],
                    check=True, capture_output=True)

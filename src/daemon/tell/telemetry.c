@@ -346,6 +346,7 @@ static void send_stats(gv_telemetry *telemetry, const gv_snapshot *snapshot) {
   *out = (gloved_stats_t){
     .utime = state->utime, .step = state->step, .time_s = state->time_s, .period_s = (double)telemetry->loop->cfg.period_ns * 1e-9,
     .missed_deadlines = state->missed_deadlines, .overruns = state->overruns, .heap_calls = state->heap_calls,
+    .steps_on_frame = (int64_t)atomic_load(&telemetry->loop->on_frame), .steps_on_clock = (int64_t)atomic_load(&telemetry->loop->on_clock),
     .glove_age_s = state->glove_age_s, .tracker_age_s = state->tracker_age_s, .frames_received = state->frames_received,
     .frames_sent = state->frames_sent, .frames_lost = state->frames_lost, .frames_bad = state->frames_bad,
     .frames_late = state->frames_late, .memory_used = (int64_t)telemetry->arena->used, .memory_peak = (int64_t)telemetry->arena->peak,
