@@ -24,7 +24,6 @@ enum { MOST_SUPPORTS = 400, MPR_ITERATIONS = 100, SHIFTS = 16, STARTS = 6 };
 
 static const double mm = 1000.0;          // per metre
 static const double no_weight = 1e-12;    // a corner that carries less of the nearest point carries none
-static const double outside = 1e-9;       // metres: an answer this far off the triangle is none
 static const double same_depth = 1e-12;   // metres
 static const double least_clearance = 1e-3; // metres between the shapes when A has been moved out
 
@@ -88,7 +87,8 @@ static gv_vec3 solve_edges(gv_simplex *s) {
   return v;
 }
 
-// On triangles without height libccd's answer can lie centimetres outside: then the nearest of the edges.
+// libccd's answer for a triangle without height can lie centimetres outside: what counts is the point of the triangle
+// that its weights make, and where they make none, the nearest of the edges.
 static gv_vec3 solve_triangle(gv_simplex *s) {
   ccd_vec3_t corner[3], nearest;
   gv_simplex carrying;
@@ -104,7 +104,7 @@ static gv_vec3 solve_triangle(gv_simplex *s) {
     gv_dot(n, gv_cross(a, b)) / n2,
   };
   gv_vec3 v = weigh_triangle(s, area, &carrying);
-  if (!(n2 > 0) || carrying.count == 0 || !(gv_norm(gv_sub(v, asked)) < outside)) return solve_edges(s);
+  if (!(n2 > 0) || carrying.count == 0) return solve_edges(s);
   *s = carrying;
   return s->count == 2 ? solve_segment(s) : v;  // areas do not tell an end from a point near it
 }

@@ -211,14 +211,16 @@ static void test_no_pair_waits_for_ever(void) {
   int asked = 0, waited = 0, longest = 0;
   const gv_pair_cache *cache = &c.engine->broad.piece_cache[49 * 48 / 2];  // of the last piece and the first
   for (int s = 0; s < 600; s++) {
+    const float before = cache->urgency_m;
     step_crowd(&(gv_sample){.glove_new = false});
-    const bool now = cache->urgency_m > -1e-3f && cache->urgency_m < 1e-3f;  // as found in this step: it lies on the table
+    // As found in this step, it lies on the table; left out, it would be what it was, or more by the margin of 0.5 mm.
+    const bool now = cache->urgency_m < before || (cache->urgency_m > before && cache->urgency_m < 4e-4f);
     asked += now;
     waited = now ? 0 : waited + 1;
     if (waited > longest) longest = waited;
   }
   CHECK(gv_engine_counters(c.engine)->pairs_left_over > 1000, "a crowd");
-  CHECK(asked > 50 && longest < 15, "asked in %d of 600 steps, waited for %d", asked, longest);
+  CHECK(asked > 30 && longest < 20, "asked in %d of 600 steps, waited for %d", asked, longest);
   gv_engine_close(c.engine);
 }
 

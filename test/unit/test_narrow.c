@@ -180,6 +180,7 @@ static void test_far_is_a_bound(void) {
     gv_pose B = {draw_rotation(), {0, 0, 0}}, A = {draw_rotation(), gv_scale(draw_unit(), draw(0, 0.2))};
     double limit = draw(0, 0.1);
     gv_pair_cache cold = {.corners = 0}, warm = {.normal_world = draw_unit(), .vertex_a = 3, .vertex_b = 4};
+    if (i % 5 == 0) warm.normal_world = gv_scale(warm.normal_world, 3);  // no unit: not to be believed
     gv_distance exact, d;
     gv_distance_pair(GV_NARROW_CORE, &(gv_pair){&a, &A, &b, &B}, 1, &cold, &exact);
     gv_distance_pair(GV_NARROW_CORE, &(gv_pair){&a, &A, &b, &B}, limit, &warm, &d);

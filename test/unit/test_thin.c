@@ -116,10 +116,29 @@ static void test_the_side_of_entry_is_kept(void) {
   }
 }
 
+// What is placed from outside has no past: a box that lay on the table is put under it, a millimetre into it.
+static void test_a_placed_body_has_no_side_of_entry(void) {
+  lab l;
+  lab_start(&l);
+  l.cfg.rest_s = 0;
+  lab_box(&l, gv_v3(2, 2, thick), gv_v3(0, 0, -thick / 2), 0, 0.5);
+  const int o = lab_box(&l, gv_v3(0.06, 0.06, 0.06), gv_v3(0, 0, 0.03), 0.2, 0.5);
+  lab_run(&l);
+  lab_steps(&l, 300, NULL);
+  gv_engine_set_object(l.engine, o, (gv_pose){{1, 0, 0, 0}, {0, 0, -thick - 0.029}}, gv_v3(0, 0, 0), gv_v3(0, 0, 0));
+  lab_steps(&l, 1, NULL);
+  int count;
+  const gv_contact *contact = gv_engine_contacts(l.engine, &count);
+  CHECK(count > 0, "it touches the table from below");
+  for (int i = 0; i < count; i++) CHECK(contact[i].normal_world.z < -0.999, "normal z %g", contact[i].normal_world.z);
+  gv_engine_close(l.engine);
+}
+
 int main(void) {
   RUN(test_what_is_dropped_stays_on_the_table);
   RUN(test_heavy_things_are_stopped_as_a_kilogram_is);
   RUN(test_the_side_of_entry_is_kept);
+  RUN(test_a_placed_body_has_no_side_of_entry);
   RUN(test_a_turn_round_the_edge_is_taken);
   return check_done();
 }
