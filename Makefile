@@ -15,7 +15,8 @@ WARN    := -std=c11 -Wall -Wextra -Wpedantic -Wconversion -Wsign-conversion -Wdo
            -Wcast-align -Wmissing-prototypes -Wswitch-enum $(if $(CI),-Werror)
 # No fused multiply-add, no reordering: a replay gives the same bits with every compiler and level.
 override CFLAGS += $(WARN) $(OPT) -g -ffp-contract=off -fno-fast-math -fno-math-errno -D_GNU_SOURCE -Iinclude -Isrc -I. -Itest -I$(B)/gen -MMD -MP
-LDLIBS  := -lode -lccd -llcm -lconfig -lz -lpthread -lm
+# What sanitizers and coverage want at the end, too.
+LDLIBS  := $(filter -fsanitize% --coverage,$(OPT)) -lode -lccd -llcm -lconfig -lz -lpthread -lm
 Q       := $(if $(V),,@)
 
 CORE    := $(wildcard $(addprefix src/,$(addsuffix /*.c,base hand collision dynamics safety wire engine)))
@@ -219,6 +220,34 @@ build/venv-bench/.done: build/.test-packages
 layers:
 	$(Q)sh test/system/test_layers.sh
 
+# Unit tests and replays with the compiler's own checks in every program, each in a build directory of its own.
+# (Not test_accuracy and test_real, statistics over many poses and seeds; not test_strict, since sanitizers make system calls of their own.)
+CHECKED  := $(filter-out test_accuracy test_real test_strict,$(basename $(notdir $(wildcard test/unit/test_*.c test/replay/test_*.c))))
+ASAN     := -fsanitize=address,undefined -fno-sanitize-recover=all
+tests: $(TESTS:%=$(B)/test/%)
+## check-asan: unit tests and replays under the address and undefined-behaviour sanitizers (3 minutes)
+check-asan: build/.test-packages build/venv/.ready
+	$(Q)$(MAKE) --no-print-directory -j$$(nproc) CC=clang OPT='-O1 -fno-omit-frame-pointer $(ASAN)' B=build/asan tests
+	$(Q)B=build/asan test/run $(CHECKED)
+## cov: which lines of src and drivers all tests reach (build/cov/index.html; slower by half)
+cov: build/.test-packages build/venv/.ready build/venv-plot/.done
+	$(Q)build/venv/bin/python -m pip install -q --disable-pip-version-check gcovr
+	$(Q)$(MAKE) --no-print-directory -j$$(nproc) OPT='-O1 --coverage' B=build/cov all
+	$(Q)find build/cov -name '*.gcda' -delete
+	$(Q)B=build/cov GV_POSES=1000 test/run $(T); \
+	  build/venv/bin/python -m gcovr --root . --filter src/ --filter drivers/ --gcov-ignore-parse-errors=negative_hits.warn \
+	    --html-details build/cov/index.html --txt build/cov/table --object-directory build/cov -j$$(nproc) build/cov && \
+	  tail -n 5 build/cov/table && echo "every line: build/cov/index.html"
+
+## soak: half an hour of random grasps, faults, requests and garbage in one process (SOAK_S=120: two minutes; SOAK_SEED=N: one round)
+SOAK_S   ?= 1800
+soak: build/.run-packages
+	$(Q)$(MAKE) --no-print-directory $(B)/test/soak
+	$(Q)SOAK_S=$(SOAK_S) $(B)/test/soak
+$(B)/test/soak: $(B)/test/fuzz/soak.o $(B)/tools/fcusim/fault.o $(LIB)
+	@mkdir -p $(@D)
+	$(Q)$(CC) $(LDFLAGS) $^ $(LDLIBS) -o $@
+
 # Everything with Clang's fuzzer and sanitizers in it, in a build directory of its own.
 FUZZ     := $(basename $(notdir $(wildcard test/fuzz/fuzz_*.c)))
 FUZZ_S   ?= 600
@@ -234,7 +263,7 @@ fuzz-corpus: build/venv/.ready
 $(FUZZ:%=$(B)/test/%): $(B)/test/%: $(B)/test/fuzz/%.o $(LIB)
 	@mkdir -p $(@D)
 	@echo "  LD   $@"
-	$(Q)$(CC) -fsanitize=fuzzer $(filter-out -fsanitize=fuzzer%,$(OPT)) -fsanitize=address,undefined $(LDFLAGS) $^ $(LDLIBS) -o $@
+	$(Q)$(CC) -fsanitize=fuzzer $(LDFLAGS) $^ $(LDLIBS) -o $@
 $(B)/test/fuzz_command: LDFLAGS += -Wl,--wrap=lcm_create,--wrap=lcm_subscribe,--wrap=lcm_publish,--wrap=lcm_handle_timeout,--wrap=lcm_eventlog_create
 
 # What the build and the tests need, from Debian by name.
@@ -329,5 +358,5 @@ clean:
 help:
 	@sed -n 's/^## //p' $(MAKEFILE_LIST)
 
-.PHONY: run test test-can test-rt all bench latency bench-peers instructions bench-accuracy golden traces layers fuzz fuzz-corpus clean help
+.PHONY: run test test-can test-rt all bench latency bench-peers instructions bench-accuracy golden traces layers tests check-asan cov soak fuzz fuzz-corpus clean help
 -include $(shell find $(B) -name '*.d' 2>/dev/null)

@@ -50,7 +50,7 @@ static void test_coulombs_law_in_every_step(void) {
 static int is_trace(const struct dirent *d) { return d->d_name[0] != '.' && !strchr(d->d_name, '.'); }
 
 int main(void) {
-  struct dirent **entry;
+  static struct dirent **entry;  // kept until the end
   const int count = scandir("data/traces", &entry, is_trace, alphasort);
   for (int i = 0; i < count; i++) {
     if (expectation_read(entry[i]->d_name, &expected)) continue;

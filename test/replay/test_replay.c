@@ -142,7 +142,7 @@ int main(int argc, char **argv) {
     now = (variant)v;
     first = 3;
   }
-  struct dirent **entry;
+  static struct dirent **entry;  // kept until the end
   const int count = scandir("data/traces", &entry, is_trace, alphasort);
   for (int i = 0; i < count; i++) {
     bool wanted = argc <= first;

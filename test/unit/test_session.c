@@ -38,7 +38,7 @@ static gv_frame stamped(gv_frame frame) {
 static gv_frame glove(double index_rad, uint8_t flags, uint32_t age_us) {
   gv_glove_msg msg = {.counter = glove_counter++, .flags = flags, .age_us = age_us, .stamp_us = (uint32_t)(now_ns / 1000)};
   for (int i = 0; i < GV_SENSORS; i++)
-    msg.raw[i] = (uint16_t)gv_calibration_raw(&world.cfg.calibration, i, i == GV_INDEX_MPJ ? index_rad : 0.0);
+    msg.raw[i] = (uint16_t)gv_clamp(gv_calibration_raw(&world.cfg.calibration, i, i == GV_INDEX_MPJ ? index_rad : 0.0), 0.0, 4095.0);
   gv_frame frame;
   gv_fcu_pack_glove(&msg, &frame);
   return stamped(frame);
