@@ -241,6 +241,7 @@ static void start_loop(program *p) {
     .limiter = settings->limiter,
     .safety = settings->safety,
     .side = settings->engine.hand.side,
+    .replay = p->pace != GV_PACE_LIVE,
     .period_s = 1.0 / settings->rate_hz,
     .command_s = 1.0 / settings->rate_hz / gv_loop_commands(period_ns),
   };
