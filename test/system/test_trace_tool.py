@@ -128,16 +128,17 @@ def test_import_of_columns_with_terms():
 
 
 def test_import_of_virtualhand_angles():
-    """Flexion negative; the thumb's roll of 39 degrees is the flat hand, 99 the opposed thumb of our calibration's pinch."""
-    names = dict.fromkeys(GLOVE, 0.0)
+    """Flexion negative; the thumb's roll is 39 to 122 degrees in recordings, and none of it is beyond our thumb."""
     def row(**angles):
-        return ",".join(str({**names, **angles}[n]) for n in GLOVE) + "\n"
-    text = row(thumb_rotate=39) + row(thumb_rotate=99, thumb_mpj=-20, thumb_ij=-20, index_mpj=-55, index_pij=-50, index_dij=-33, thumb_abduction=77, middle_index_abduction=4)
+        return ",".join(str(angles.get(n, 0.0)) for n in GLOVE) + "\n"
+    opposed = {"thumb_rotate": 99, "thumb_mpj": -20, "thumb_ij": -20, "index_mpj": -55, "index_pij": -50, "index_dij": -33, "thumb_abduction": 77, "middle_index_abduction": 4}
+    text = row(thumb_rotate=39) + row(**opposed) + row(thumb_rotate=122)
     _, gloves = imported("virtualhand.csv", text, "--columns", "cyberglove22", "--rows", "100", "--degrees", "--virtualhand")
-    for glove, wanted in zip(gloves, ({"thumb_rotate": 0, "thumb_abduction": 0}, {"thumb_rotate": 30, "thumb_abduction": 35, "thumb_mpj": 20, "thumb_ij": 20,
-                                      "index_mpj": 55, "index_pij": 50, "index_dij": 33, "middle_index_abduction": 4})):
+    for glove, wanted in zip(gloves, ({"thumb_rotate": 0, "thumb_abduction": 0}, {"thumb_rotate": 25, "thumb_abduction": 30, "thumb_mpj": 20, "thumb_ij": 20,
+                                      "index_mpj": 55, "index_pij": 50, "index_dij": 33, "middle_index_abduction": 4}, {})):
         for sensor, want in wanted.items():
             assert abs(math.degrees(angle(glove[2], sensor)) - want) < 0.05, (sensor, want)
+    assert math.degrees(angle(gloves[2][2], "thumb_rotate")) < 35 and math.degrees(angle(gloves[2][2], "thumb_abduction")) < 60, "beyond the anatomy"
 
 
 def test_import_interpolates_to_a_rate():

@@ -139,6 +139,29 @@ static void test_calibration_two_points(void) {
   CHECK(gv_calibration_check(&cal) == -6, "two equal points are refused and named");
 }
 
+// Precision grasps with the thumb where an imported recording of VirtualHand has it at its median roll of 99 degrees
+// (tools/trace/table.c): rotation 25, abduction 30. The tips meet. The pads do not face each other, 77 to 92 degrees are
+// between them: this thumb has no axis to pronate about (66 is the least of all its postures with the tips together).
+static void test_tips_meet_in_precision_grasps(void) {
+  static const double index_deg[3][3] = {{50, 40, 10}, {60, 35, 10}, {45, 45, 20}};
+  const gv_hand_model m = gv_hand_model_default(GV_RIGHT);
+  const double deg = GV_PI / 180;
+  for (int g = 0; g < 3; g++) {
+    double angle[GV_SENSORS] = {[GV_THUMB_ROTATE] = 25 * deg, [GV_THUMB_ABDUCTION] = 30 * deg,
+                                [GV_THUMB_MPJ] = 10 * deg, [GV_THUMB_IJ] = 10 * deg};
+    for (int j = 0; j < 3; j++) angle[GV_INDEX_MPJ + j] = index_deg[g][j] * deg;
+    gv_pose wrist = gv_pose_identity(), T[GV_LIMBS];
+    gv_hand_frames(&m, &wrist, angle, T);
+    gv_vec3 tip[2];
+    for (int k = 0; k < 2; k++) {
+      const int limb = 3 * k + 2;
+      tip[k] = gv_transform(T[limb], gv_v3(gv_hand_half_length(&m, limb) + m.radius_m[k][2], 0, 0));
+    }
+    const double apart_m = gv_norm(gv_sub(tip[0], tip[1]));
+    CHECK(apart_m < 0.025, "grasp %d: tips %.1f mm apart", g, 1e3 * apart_m);
+  }
+}
+
 int main(void) {
   RUN(test_trigonometry_equals_libm);
   RUN(test_rotation_maps_invert);
@@ -149,5 +172,6 @@ int main(void) {
   RUN(test_left_is_the_mirror_image);
   RUN(test_joint_axes_are_the_jacobian);
   RUN(test_calibration_two_points);
+  RUN(test_tips_meet_in_precision_grasps);
   return check_done();
 }

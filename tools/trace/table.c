@@ -35,10 +35,12 @@ static const struct { const char *column; int field; double factor; } known[] = 
 // The hand of a recording without a wrist stands beside the table of data/scenes (1.2 m by 0.8 m, its top at 0), not in it.
 static const double beside_table[3] = {-0.9, 0.0, 0.2};
 
-// VirtualHand's roll of the thumb, degrees: 39 with the thumb beside the hand, 99 where it is opposed (range and median of
-// public recordings of grasps). Ours are at 0 and 0 with the flat hand, and in a pinch rotation 30 and abduction 35 bring
-// thumb and index finger together (daemon/load/calibrate.h): the line through both. No recording has confirmed it yet.
-static const double roll_flat_deg = 39.0, roll_opposed_deg = 99.0, pinch_rotation_deg = 30.0, pinch_abduction_deg = 35.0;
+// VirtualHand's roll of the thumb, degrees: 39 with the thumb beside the hand, 99 where it is opposed (least and median of
+// public recordings of grasps; the most is 122). Ours are 0 and 0 with the flat hand, and rotation 25 and abduction 30
+// bring thumb and index finger together in precision grasps (test_hand.c): the line through both stays within the
+// anatomy up to 122. No recording has confirmed it; VirtualHand's own thumb abduction is not used.
+static const double roll_flat_deg = 39.0, roll_opposed_deg = 99.0;
+static const double opposed_rotation_deg = 25.0, opposed_abduction_deg = 30.0;
 
 typedef struct table {
   const char *path;
@@ -195,7 +197,7 @@ static void fill_distal_joints(table *t) {
 // VirtualHand bends joints towards negative angles, and rolls the thumb where ours rotates and abducts.
 static void apply_virtualhand(table *t) {
   const double deg = GV_PI / 180, range = roll_opposed_deg - roll_flat_deg;
-  const double rotation = pinch_rotation_deg / range, abduction = pinch_abduction_deg / range;
+  const double rotation = opposed_rotation_deg / range, abduction = opposed_abduction_deg / range;
   for (int c = 0; c < t->columns; c++) {
     const double roll = t->weight[GV_THUMB_ROTATE][c];
     for (int f = 0; f < GV_FINGERS; f++)
