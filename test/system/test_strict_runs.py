@@ -110,14 +110,49 @@ def a_lucidglove_runs_under_strict():
     assert s["frames"]["rx"] > 100 and s["frames"]["tx"] > 2900, s["frames"]
 
 
-def the_list_is_the_real_time_threads_alone():
-    run = subprocess.Popen([f"{B}/gloved", "--strict", "--lcm", "none", "--fcu", "sim:"], stdout=subprocess.PIPE, text=True)
+def running(*options):
+    """gloved with the simulated device, once its loop has stepped."""
+    run = subprocess.Popen([f"{B}/gloved", "--lcm", "none", "--fcu", "sim:", *options], stdout=subprocess.PIPE, text=True)
     while "wait -> ready" not in run.stdout.readline():
-        pass
-    lists = {}
-    for task in os.listdir(f"/proc/{run.pid}/task"):
-        with open(f"/proc/{run.pid}/task/{task}/status") as file:
-            lists[int(task)] = next(line.split()[1] for line in file if line.startswith("Seccomp:"))
+        assert run.poll() is None
+    return run
+
+
+def of_each_thread(pid, name):
+    """A line of /proc/PID/task/N/status of every thread."""
+    values = {}
+    for task in os.listdir(f"/proc/{pid}/task"):
+        with open(f"/proc/{pid}/task/{task}/status") as file:
+            values[int(task)] = next(line.split()[1] for line in file if line.startswith(name + ":"))
+    return values
+
+
+def no_signal_reaches_the_real_time_thread():
+    run = running()
+    blocked = {task: int(mask, 16) for task, mask in of_each_thread(run.pid, "SigBlk").items()}
+    run.terminate()
+    run.communicate(timeout=20)
+    ending = sum(1 << (number - 1) for number in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP, signal.SIGALRM))
+    assert blocked.pop(run.pid) & ending == 0 and blocked and all(mask & ending == ending for mask in blocked.values()), blocked
+
+
+def cores_are_kept_awake_unless_told_otherwise():
+    if not os.access("/dev/cpu_dma_latency", os.W_OK):
+        return
+    off = f"{tmp.name}/off.conf"
+    with open(off, "w") as file:
+        file.write("version = 1;\nrealtime = { cpu_dma_latency = false; };\n")
+    for options, held in (([], True), (["--config", off], False), (["--no-rt"], False)):
+        run = running(*options)
+        files = [os.readlink(f"/proc/{run.pid}/fd/{fd}") for fd in os.listdir(f"/proc/{run.pid}/fd")]
+        run.terminate()
+        run.communicate(timeout=20)
+        assert ("/dev/cpu_dma_latency" in files) == held, (options, files)
+
+
+def the_list_is_the_real_time_threads_alone():
+    run = running("--strict")
+    lists = of_each_thread(run.pid, "Seccomp")
     for number in (signal.SIGSTOP, signal.SIGCONT):
         run.send_signal(number)
         time.sleep(0.1)
@@ -130,5 +165,6 @@ def the_list_is_the_real_time_threads_alone():
 with concurrent.futures.ThreadPoolExecutor(3) as pool:
     list(pool.map(test, (every_trace_runs_under_strict, the_simulated_device_runs_under_strict, udp_runs_under_strict,
                          udp_in_sync_with_the_device_runs_under_strict, serial_devices_run_under_strict, a_lucidglove_runs_under_strict,
-                         the_list_is_the_real_time_threads_alone)))
+                         the_list_is_the_real_time_threads_alone, no_signal_reaches_the_real_time_thread,
+                         cores_are_kept_awake_unless_told_otherwise)))
 sys.exit(failed)
