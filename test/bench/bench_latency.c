@@ -1,13 +1,16 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // How long after a glove's frame the answer to it leaves, over UDP on this machine. Two programs in one:
 //
-//   bench_latency echo PORT                 a bare echo: every datagram back to whom it came from, and nothing else
-//   bench_latency probe URL SECONDS FILE    a glove of 1 kHz (the simulated device and user) that sends all frames of a
-//                                           millisecond in one datagram; writes how long each answer took, in ns
+//   bench_latency echo PORT                 a bare echo: every datagram back to whom it came from, and
+//   nothing else bench_latency probe URL SECONDS FILE    a glove of 1 kHz (the simulated device and user)
+//   that sends all frames of a
+//                                           millisecond in one datagram; writes how long each answer took, in
+//                                           ns
 //
-// An answer is a command for the sample that was sent, or the sample itself (the echo's). Its time is the kernel's stamp
-// on receiving it minus the clock before sending: the probe's own wake-up is not in it. Both run as real-time threads
-// where the machine lets them, the echo on the last core as gloved does, the probe on the first. latency.py calls it.
+// An answer is a command for the sample that was sent, or the sample itself (the echo's). Its time is the
+// kernel's stamp on receiving it minus the clock before sending: the probe's own wake-up is not in it. Both
+// run as real-time threads where the machine lets them, the echo on the last core as gloved does, the probe
+// on the first. latency.py calls it.
 #include <arpa/inet.h>
 #include <errno.h>
 #include <poll.h>
@@ -41,13 +44,16 @@ static void run_in_real_time(int priority, long core) {
   prctl(PR_SET_TIMERSLACK, 1UL, 0UL, 0UL, 0UL);
   if (mlockall(MCL_CURRENT | MCL_FUTURE) != 0 || sched_setaffinity(0, sizeof one, &one) != 0 ||
       sched_setscheduler(0, SCHED_FIFO, &param) != 0)
-    fprintf(stderr, "bench_latency: no real-time scheduling here; the figures are those of an ordinary program\n");
+    fprintf(stderr,
+            "bench_latency: no real-time scheduling here; the figures are those of an ordinary program\n");
 }
 
 // ---- echo -------------------------------------------------------------------------------------------------
 
 static int run_echo(const char *port) {
-  struct sockaddr_in here = {.sin_family = AF_INET, .sin_port = htons((uint16_t)atoi(port)), .sin_addr.s_addr = htonl(INADDR_LOOPBACK)};
+  struct sockaddr_in here = {.sin_family = AF_INET,
+                             .sin_port = htons((uint16_t)atoi(port)),
+                             .sin_addr.s_addr = htonl(INADDR_LOOPBACK)};
   static uint8_t datagram[2048];
   const int fd = socket(AF_INET, SOCK_DGRAM, 0);
   if (fd < 0 || bind(fd, (struct sockaddr *)&here, sizeof here) != 0) {
@@ -69,7 +75,7 @@ static struct {
   gv_sim sim;
   gv_sim_script script;
   gv_driver wire;
-  int64_t sent_ns[PENDING];  // by the sample's stamp in ms; 0: answered or never sent
+  int64_t sent_ns[PENDING]; // by the sample's stamp in ms; 0: answered or never sent
   int32_t *answer_ns;
   size_t answers, most;
 } probe;
@@ -116,13 +122,15 @@ static void send_sample(int64_t device_ns) {
   gv_glove_msg glove;
   const int n = gv_sim_advance(&probe.sim, device_ns, frame, BUNDLE);
   for (int i = 0; i < n; i++)
-    if (frame[i].id == GV_ID_GLOVE && gv_fcu_unpack_glove(&frame[i], &glove) == 0) *pending(glove.stamp_us) = clock_ns();
+    if (frame[i].id == GV_ID_GLOVE && gv_fcu_unpack_glove(&frame[i], &glove) == 0)
+      *pending(glove.stamp_us) = clock_ns();
   if (n > 0) probe.wire.send(probe.wire.self, frame, n);
 }
 
 static int write_answers(const char *path) {
   FILE *out = fopen(path, "wb");
-  const bool written = out && fwrite(probe.answer_ns, sizeof *probe.answer_ns, probe.answers, out) == probe.answers;
+  const bool written =
+      out && fwrite(probe.answer_ns, sizeof *probe.answer_ns, probe.answers, out) == probe.answers;
   if (out && fclose(out) == 0 && written) return 0;
   fprintf(stderr, "bench_latency: %s: not written; make room\n", path);
   return 2;
@@ -130,7 +138,8 @@ static int write_answers(const char *path) {
 
 static int run_probe(const char *url, double seconds, const char *path) {
   char err[512];
-  if (gv_sim_script_load("data/scripts/power_box.user", &probe.script, err, sizeof err) || gv_udp_open(url, &probe.wire, err, sizeof err)) {
+  if (gv_sim_script_load("data/scripts/power_box.user", &probe.script, err, sizeof err) ||
+      gv_udp_open(url, &probe.wire, err, sizeof err)) {
     fprintf(stderr, "bench_latency: %s\n", err);
     return 2;
   }

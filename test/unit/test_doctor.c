@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// gloved --doctor on machines made of files: one on which everything passes, and from it, one file changed at a time,
-// a machine on which the check that reads it warns, and one on which it fails; no other check may change its mind.
+// gloved --doctor on machines made of files: one on which everything passes, and from it, one file changed at
+// a time, a machine on which the check that reads it warns, and one on which it fails; no other check may
+// change its mind.
 #include <errno.h>
 #include <ftw.h>
 #include <string.h>
@@ -16,50 +17,54 @@ static const gv_doctor doctor = {root, &settings};
 
 // ---- machines of files ------------------------------------------------------------------------------------
 
-typedef struct file { const char *path, *text; } file;
+typedef struct file {
+  const char *path, *text;
+} file;
 
 #define CPU(n) "/sys/devices/system/cpu/cpu" n "/"
 #define ROUTE "Iface\tDestination\tGateway\tFlags\tRefCnt\tUse\tMetric\tMask\tMTU\tWindow\tIRTT\n"
 
 static const file good[] = {
-  {"/proc/version", "Linux version 6.1.0-rt9 (gcc) #1 SMP PREEMPT_RT Debian\n"},
-  {"/sys/kernel/realtime", "1\n"},
-  {"/proc/self/status", "Name:\tgloved\nCapEff:\t0000000000000000\nSeccomp:\t0\n"},
-  {"/proc/self/limits", "Limit                     Soft Limit           Hard Limit           Units     \n"
-                        "Max locked memory         1000000000           1000000000           bytes     \n"
-                        "Max realtime priority     95                   95                   \n"},
-  {"/proc/self/cgroup", "3:cpuset:/\n1:cpu:/old\n0::/user.slice/one\n"},
-  {"/sys/fs/cgroup/user.slice/one/cpu.max", "max 100000\n"},
-  {"/sys/fs/cgroup/user.slice/cpu.max", "max 100000\n"},
-  {"/sys/fs/cgroup/cpu/old/cpu.cfs_quota_us", "-1\n"},
-  {"/sys/fs/cgroup/cpu/old/cpu.cfs_period_us", "100000\n"},
-  {"/proc/sys/kernel/sched_rt_runtime_us", "950000\n"},
-  {"/proc/sys/kernel/sched_rt_period_us", "1000000\n"},
-  {"/sys/devices/system/cpu/online", "0-3\n"},
-  {CPU("0") "cpufreq/scaling_governor", "performance\n"},
-  {CPU("3") "cpufreq/scaling_governor", "performance\n"},
-  {CPU("3") "cpufreq/scaling_driver", "acpi-cpufreq\n"},
-  {CPU("3") "cpuidle/state0/latency", "0\n"},
-  {CPU("3") "cpuidle/state1/latency", "133\n"},
-  {CPU("3") "cpuidle/state1/name", "C6\n"},
-  {CPU("3") "cpuidle/state1/disable", "0\n"},
-  {"/dev/cpu_dma_latency", ""},
-  {"/sys/devices/system/clocksource/clocksource0/current_clocksource", "tsc\n"},
-  {"/sys/devices/system/clocksource/clocksource0/available_clocksource", "tsc hpet acpi_pm \n"},
-  {"/proc/irq/24/effective_affinity_list", "0-1\n"},
-  {"/proc/irq/25/effective_affinity_list", "\n"},
-  {"/proc/irq/25/smp_affinity_list", "0,2\n"},
-  {"/proc/cpuinfo", "processor\t: 0\nmodel name\t: Intel(R) Core(TM) i7\nflags\t\t: fpu vme\nbugs\t\t: hypervisor\n"},
-  {"/proc/sys/kernel/seccomp/actions_avail", "kill_process kill_thread trap errno\n"},
-  {"/sys/class/net/can0/mtu", "72\n"},
-  {"/sys/class/net/can0/flags", "0x40c1\n"},
-  {"/sys/class/net/can0/tx_queue_len", "10\n"},
-  {"/sys/class/net/can0/operstate", "up\n"},
-  {"/proc/net/route", ROUTE "eth0\t00000000\t010200C0\t0003\t0\t0\t0\t00000000\t0\t0\t0\nlo\t000000E0\t00000000\t0001\t0\t0\t0\t000000F0\t0\t0\t0\n"},
-  {"/sys/class/net/lo/flags", "0x1009\n"},
-  {"/sys/class/net/eth0/flags", "0x3\n"},
-  {"/proc/sys/net/core/rmem_max", "2097152\n"},
-  {"/sys/bus/usb-serial/devices/ttyUSB0/latency_timer", "1\n"},
+    {"/proc/version", "Linux version 6.1.0-rt9 (gcc) #1 SMP PREEMPT_RT Debian\n"},
+    {"/sys/kernel/realtime", "1\n"},
+    {"/proc/self/status", "Name:\tgloved\nCapEff:\t0000000000000000\nSeccomp:\t0\n"},
+    {"/proc/self/limits", "Limit                     Soft Limit           Hard Limit           Units     \n"
+                          "Max locked memory         1000000000           1000000000           bytes     \n"
+                          "Max realtime priority     95                   95                   \n"},
+    {"/proc/self/cgroup", "3:cpuset:/\n1:cpu:/old\n0::/user.slice/one\n"},
+    {"/sys/fs/cgroup/user.slice/one/cpu.max", "max 100000\n"},
+    {"/sys/fs/cgroup/user.slice/cpu.max", "max 100000\n"},
+    {"/sys/fs/cgroup/cpu/old/cpu.cfs_quota_us", "-1\n"},
+    {"/sys/fs/cgroup/cpu/old/cpu.cfs_period_us", "100000\n"},
+    {"/proc/sys/kernel/sched_rt_runtime_us", "950000\n"},
+    {"/proc/sys/kernel/sched_rt_period_us", "1000000\n"},
+    {"/sys/devices/system/cpu/online", "0-3\n"},
+    {CPU("0") "cpufreq/scaling_governor", "performance\n"},
+    {CPU("3") "cpufreq/scaling_governor", "performance\n"},
+    {CPU("3") "cpufreq/scaling_driver", "acpi-cpufreq\n"},
+    {CPU("3") "cpuidle/state0/latency", "0\n"},
+    {CPU("3") "cpuidle/state1/latency", "133\n"},
+    {CPU("3") "cpuidle/state1/name", "C6\n"},
+    {CPU("3") "cpuidle/state1/disable", "0\n"},
+    {"/dev/cpu_dma_latency", ""},
+    {"/sys/devices/system/clocksource/clocksource0/current_clocksource", "tsc\n"},
+    {"/sys/devices/system/clocksource/clocksource0/available_clocksource", "tsc hpet acpi_pm \n"},
+    {"/proc/irq/24/effective_affinity_list", "0-1\n"},
+    {"/proc/irq/25/effective_affinity_list", "\n"},
+    {"/proc/irq/25/smp_affinity_list", "0,2\n"},
+    {"/proc/cpuinfo",
+     "processor\t: 0\nmodel name\t: Intel(R) Core(TM) i7\nflags\t\t: fpu vme\nbugs\t\t: hypervisor\n"},
+    {"/proc/sys/kernel/seccomp/actions_avail", "kill_process kill_thread trap errno\n"},
+    {"/sys/class/net/can0/mtu", "72\n"},
+    {"/sys/class/net/can0/flags", "0x40c1\n"},
+    {"/sys/class/net/can0/tx_queue_len", "10\n"},
+    {"/sys/class/net/can0/operstate", "up\n"},
+    {"/proc/net/route", ROUTE "eth0\t00000000\t010200C0\t0003\t0\t0\t0\t00000000\t0\t0\t0\nlo\t000000E0\t0000"
+                              "0000\t0001\t0\t0\t0\t000000F0\t0\t0\t0\n"},
+    {"/sys/class/net/lo/flags", "0x1009\n"},
+    {"/sys/class/net/eth0/flags", "0x3\n"},
+    {"/proc/sys/net/core/rmem_max", "2097152\n"},
+    {"/sys/bus/usb-serial/devices/ttyUSB0/latency_timer", "1\n"},
 };
 
 // Writes the file below the root; no text: removes it.
@@ -104,7 +109,8 @@ static void check_machine(const char *check, gv_verdict verdict, const char *why
     seen += meant;
     CHECK(f.verdict == expected, "%s: %s: %s: %s", why, f.check, verdict_name[f.verdict], f.found);
     CHECK(f.found[0], "%s: %s says nothing", why, f.check);
-    CHECK((f.mend[0] != '\0') == (f.verdict != GV_VERDICT_PASS), "%s: %s: mend: \"%s\"", why, f.check, f.mend);
+    CHECK((f.mend[0] != '\0') == (f.verdict != GV_VERDICT_PASS), "%s: %s: mend: \"%s\"", why, f.check,
+          f.mend);
   }
   CHECK(seen == 1, "%d checks are called %s", seen, check);
 }
@@ -119,9 +125,15 @@ static void change(const char *check, gv_verdict verdict, const char *path, cons
   if (before || text) put_file(path, before);
 }
 
-static void warns(const char *check, const char *path, const char *text) { change(check, GV_VERDICT_WARN, path, text); }
-static void fails(const char *check, const char *path, const char *text) { change(check, GV_VERDICT_FAIL, path, text); }
-static void passes(const char *check, const char *path, const char *text) { change(check, GV_VERDICT_PASS, path, text); }
+static void warns(const char *check, const char *path, const char *text) {
+  change(check, GV_VERDICT_WARN, path, text);
+}
+static void fails(const char *check, const char *path, const char *text) {
+  change(check, GV_VERDICT_FAIL, path, text);
+}
+static void passes(const char *check, const char *path, const char *text) {
+  change(check, GV_VERDICT_PASS, path, text);
+}
 
 // ---- one test a check -------------------------------------------------------------------------------------
 
@@ -136,7 +148,8 @@ static void test_kernel(void) {
 }
 
 static void limits(char *out, size_t size, const char *locked, const char *priority) {
-  snprintf(out, size, "Max locked memory         %-20s %-20s bytes\nMax realtime priority     %-20s %-20s\n", locked, locked, priority, priority);
+  snprintf(out, size, "Max locked memory         %-20s %-20s bytes\nMax realtime priority     %-20s %-20s\n",
+           locked, locked, priority, priority);
 }
 
 static void test_priority(void) {
@@ -216,7 +229,8 @@ static void test_interrupts(void) {
 
 static void test_virtual_machine(void) {
   warns("virtual machine", "/proc/cpuinfo", "model name\t: AMD EPYC\nflags\t\t: fpu hypervisor\nbugs\t\t:\n");
-  fails("virtual machine", "/proc/cpuinfo", "model name\t: QEMU Virtual CPU version 2.5+\nflags\t\t: fpu hypervisor\n");
+  fails("virtual machine", "/proc/cpuinfo",
+        "model name\t: QEMU Virtual CPU version 2.5+\nflags\t\t: fpu hypervisor\n");
   warns("virtual machine", "/sys/hypervisor/type", "xen\n");
 }
 
@@ -243,7 +257,8 @@ static void test_lcm_route(void) {
   warns("LCM route", "/sys/class/net/lo/flags", "0x9\n");
   fails("LCM route", "/proc/net/route", ROUTE);
   fails("LCM route", "/proc/net/route", ROUTE "eth0\t000200C0\t00000000\t0001\t0\t0\t0\t00FFFFFF\t0\t0\t0\n");
-  fails("LCM route", "/proc/net/route", ROUTE "lo\t000000E0\t00000000\t0000\t0\t0\t0\t000000F0\t0\t0\t0\n"); // not up
+  fails("LCM route", "/proc/net/route",
+        ROUTE "lo\t000000E0\t00000000\t0000\t0\t0\t0\t000000F0\t0\t0\t0\n"); // not up
   snprintf(settings.lcm, sizeof settings.lcm, "none");
   passes("LCM route", "/proc/net/route", ROUTE);
 }
@@ -273,20 +288,27 @@ static gv_verdict report(bool json, char out[], size_t size) {
 
 static void test_the_report_returns_the_worst_verdict(void) {
   static char text[16384];
-  CHECK(report(false, text, sizeof text) == GV_VERDICT_PASS && !strstr(text, "WARN") && !strstr(text, "FAIL"), "%s", text);
+  CHECK(report(false, text, sizeof text) == GV_VERDICT_PASS && !strstr(text, "WARN") && !strstr(text, "FAIL"),
+        "%s", text);
   put_file("/proc/sys/net/core/rmem_max", "212992\n");
-  CHECK(report(false, text, sizeof text) == GV_VERDICT_WARN && strstr(text, "WARN  socket buffers") && strstr(text, "sysctl -w"), "%s", text);
+  CHECK(report(false, text, sizeof text) == GV_VERDICT_WARN && strstr(text, "WARN  socket buffers") &&
+            strstr(text, "sysctl -w"),
+        "%s", text);
   put_file("/sys/class/net/can0/mtu", NULL);
   CHECK(report(false, text, sizeof text) == GV_VERDICT_FAIL, "%s", text);
-  CHECK(report(true, text, sizeof text) == GV_VERDICT_FAIL && strstr(text, "\"worst\": \"FAIL\"}"), "%s", text);
-  CHECK(strstr(text, "{\"check\": \"CAN link\", \"verdict\": \"FAIL\", \"found\": \"can0: no such interface\", \"mend\": \"sudo"), "%s", text);
+  CHECK(report(true, text, sizeof text) == GV_VERDICT_FAIL && strstr(text, "\"worst\": \"FAIL\"}"), "%s",
+        text);
+  CHECK(strstr(text, "{\"check\": \"CAN link\", \"verdict\": \"FAIL\", \"found\": \"can0: no such "
+                     "interface\", \"mend\": \"sudo"),
+        "%s", text);
   make_good_machine();
 }
 
 static void test_an_empty_machine_crashes_nobody(void) {
   static char text[16384];
   const gv_doctor nothing = {"/nonexistent", &settings};
-  for (int i = 0; i < gv_doctor_checks(); i++) CHECK(gv_doctor_check(&nothing, i).found[0], "check %d says nothing", i);
+  for (int i = 0; i < gv_doctor_checks(); i++)
+    CHECK(gv_doctor_check(&nothing, i).found[0], "check %d says nothing", i);
   CHECK(report(false, text, sizeof text) == GV_VERDICT_PASS, "%s", text);
 }
 

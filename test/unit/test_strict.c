@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// The list of system calls of the real-time thread, in child processes: one call of a thread under the list either is
-// let through, or ends the whole process with SIGSYS. Other threads may do what they like. And a kernel that takes no
-// such list is told in words, before any step.
+// The list of system calls of the real-time thread, in child processes: one call of a thread under the list
+// either is let through, or ends the whole process with SIGSYS. Other threads may do what they like. And a
+// kernel that takes no such list is told in words, before any step.
 #include <errno.h>
 #include <fcntl.h>
 #include <linux/filter.h>
@@ -77,7 +77,10 @@ static void start_a_program(void) { execl("/bin/true", "true", (char *)NULL); }
 static void raise_a_signal(void) { kill(getppid(), 0); }
 static void yield(void) { syscall(SYS_sched_yield); }
 
-typedef struct request { unsigned driver_calls; void (*call)(void); } request;
+typedef struct request {
+  unsigned driver_calls;
+  void (*call)(void);
+} request;
 
 static void *call_under_the_list(void *argument) {
   const request *r = argument;
@@ -114,13 +117,16 @@ static void test_what_the_loop_needs_is_let_through(void) {
 }
 
 static void test_a_drivers_own_calls_are_let_through(void) {
-  CHECK(make_call(GV_CALLS_SOCKET, receive) == 0 && make_call(GV_CALLS_SOCKET, send_bytes) == 0, "a socket's");
-  CHECK(make_call(GV_CALLS_LINE, write_a_line) == 0 && make_call(GV_CALLS_LINE, read_a_line) == 0, "a serial line's");
+  CHECK(make_call(GV_CALLS_SOCKET, receive) == 0 && make_call(GV_CALLS_SOCKET, send_bytes) == 0,
+        "a socket's");
+  CHECK(make_call(GV_CALLS_LINE, write_a_line) == 0 && make_call(GV_CALLS_LINE, read_a_line) == 0,
+        "a serial line's");
 }
 
 static void test_another_drivers_calls_kill(void) {
   CHECK(make_call(0, receive) == -SIGSYS && make_call(GV_CALLS_LINE, send_bytes) == -SIGSYS, "a socket's");
-  CHECK(make_call(0, read_a_line) == -SIGSYS && make_call(GV_CALLS_SOCKET, write_a_line) == -SIGSYS, "a serial line's");
+  CHECK(make_call(0, read_a_line) == -SIGSYS && make_call(GV_CALLS_SOCKET, write_a_line) == -SIGSYS,
+        "a serial line's");
 }
 
 static void test_a_serial_driver_cannot_reach_the_standard_descriptors(void) {
@@ -129,8 +135,9 @@ static void test_a_serial_driver_cannot_reach_the_standard_descriptors(void) {
 }
 
 static void test_any_other_call_kills(void) {
-  void (*const calls[])(void) = {open_a_file, map_memory, move_the_break, make_a_socket, wait_on_a_futex,
-                                 sleep_relative, start_a_program, raise_a_signal, yield};
+  void (*const calls[])(void) = {open_a_file,     map_memory,      move_the_break,
+                                 make_a_socket,   wait_on_a_futex, sleep_relative,
+                                 start_a_program, raise_a_signal,  yield};
   for (int i = 0; i < (int)(sizeof calls / sizeof *calls); i++) {
     const int code = make_call(GV_CALLS_SOCKET | GV_CALLS_LINE, calls[i]);
     CHECK(code == -SIGSYS, "call %d: %d", i, code);
@@ -142,10 +149,10 @@ static void test_any_other_call_kills(void) {
 // seccomp(2) answers EINVAL from now on, as a kernel without CONFIG_SECCOMP_FILTER does.
 static void refuse_lists(void) {
   struct sock_filter lines[] = {
-    BPF_STMT(BPF_LD | BPF_W | BPF_ABS, offsetof(struct seccomp_data, nr)),
-    BPF_JUMP(BPF_JMP | BPF_JEQ | BPF_K, SYS_seccomp, 0, 1),
-    BPF_STMT(BPF_RET | BPF_K, SECCOMP_RET_ERRNO | EINVAL),
-    BPF_STMT(BPF_RET | BPF_K, SECCOMP_RET_ALLOW),
+      BPF_STMT(BPF_LD | BPF_W | BPF_ABS, offsetof(struct seccomp_data, nr)),
+      BPF_JUMP(BPF_JMP | BPF_JEQ | BPF_K, SYS_seccomp, 0, 1),
+      BPF_STMT(BPF_RET | BPF_K, SECCOMP_RET_ERRNO | EINVAL),
+      BPF_STMT(BPF_RET | BPF_K, SECCOMP_RET_ALLOW),
   };
   const struct sock_fprog program = {4, lines};
   prctl(PR_SET_NO_NEW_PRIVS, 1UL, 0UL, 0UL, 0UL);
@@ -163,14 +170,17 @@ static void test_a_kernel_that_refuses_is_told_in_words(void) {
     dup2(words[1], 2);
     dup2(open("/dev/null", O_WRONLY), 1);
     refuse_lists();
-    execl(gloved, gloved, "--strict", "--fcu", "sim:?speed=0", "--duration", "1", "--lcm", "none", (char *)NULL);
+    execl(gloved, gloved, "--strict", "--fcu", "sim:?speed=0", "--duration", "1", "--lcm", "none",
+          (char *)NULL);
     _exit(5);
   }
   close(words[1]);
   const ssize_t length = read(words[0], text, sizeof text - 1);
   const int code = outcome_of(child);
   CHECK(code == 2, "exit code %d", code);
-  CHECK(length > 0 && strstr(text, "--strict: this kernel takes no list") && strstr(text, "start without --strict"), "said: %s", text);
+  CHECK(length > 0 && strstr(text, "--strict: this kernel takes no list") &&
+            strstr(text, "start without --strict"),
+        "said: %s", text);
   close(words[0]);
 }
 

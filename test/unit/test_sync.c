@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // The clock that follows a device's frames, against devices that are played in virtual time: exact, drifting,
-// jittering, late once, half or twice as fast, absent for a while. What must hold of every one: the simulation
-// keeps real time within 2 %, no two steps are nearer than a quarter of a period or farther than one and three
-// quarters, and every frame of a device of the right rate begins exactly one step.
+// jittering, late once, half or twice as fast, absent for a while. What must hold of every one: the
+// simulation keeps real time within 2 %, no two steps are nearer than a quarter of a period or farther than
+// one and three quarters, and every frame of a device of the right rate begins exactly one step.
 #include <string.h>
 
 #include "daemon/loop/sync.h"
@@ -19,7 +19,7 @@ typedef struct outcome {
   int steps, on_frame, changes;
   bool following;
   int64_t gap_min_ns, gap_max_ns, last_ns;
-  int64_t waited_max_ns;        // of a frame that began a step: from its coming to the step
+  int64_t waited_max_ns; // of a frame that began a step: from its coming to the step
 } outcome;
 
 static played device;
@@ -27,7 +27,8 @@ static played device;
 static void play_frames(double rate_hz, double jitter_ns, int64_t first_ns, int64_t end_ns) {
   unsigned long long random = 5;
   for (int64_t k = 0; device.frames < FRAMES_MAX; k++) {
-    const double at_ns = (double)first_ns + (double)k * 1e9 / rate_hz + check_uniform(&random, -jitter_ns, jitter_ns);
+    const double at_ns =
+        (double)first_ns + (double)k * 1e9 / rate_hz + check_uniform(&random, -jitter_ns, jitter_ns);
     if ((int64_t)at_ns >= end_ns) return;
     device.frame_ns[device.frames++] = (int64_t)at_ns;
   }
@@ -64,9 +65,11 @@ static outcome run_clock(int64_t end_ns) {
 
 static void check_bounds(const outcome *o, int64_t end_ns, const char *name) {
   const double expected = (double)(end_ns - 2 * PERIOD) / PERIOD;
-  CHECK(o->steps > 0.98 * expected - 2 && o->steps < 1.02 * expected + 4, "%s: %d steps in %g periods", name, o->steps, expected);
+  CHECK(o->steps > 0.98 * expected - 2 && o->steps < 1.02 * expected + 4, "%s: %d steps in %g periods", name,
+        o->steps, expected);
   CHECK(o->gap_min_ns >= PERIOD / 4 - PERIOD / 50, "%s: two steps within %d ns", name, (int)o->gap_min_ns);
-  CHECK(o->gap_max_ns <= PERIOD * 7 / 4 + PERIOD / 50, "%s: %d ns between two steps", name, (int)o->gap_max_ns);
+  CHECK(o->gap_max_ns <= PERIOD * 7 / 4 + PERIOD / 50, "%s: %d ns between two steps", name,
+        (int)o->gap_max_ns);
 }
 
 static outcome play(double rate_hz, double jitter_ns, int64_t first_ns, double seconds, const char *name) {
@@ -107,8 +110,10 @@ static void test_one_late_frame_costs_one_step_on_the_clock(void) {
   device.frame_ns[1000] += 400000;
   const outcome o = run_clock(end_ns);
   check_bounds(&o, end_ns, "late once");
-  CHECK(o.changes == 1 && o.waited_max_ns == 0, "%d changes, a frame waited %d ns", o.changes, (int)o.waited_max_ns);
-  CHECK(o.steps - o.on_frame <= 17 && abs(o.steps - device.frames) <= 4, "%d of %d steps on a frame", o.on_frame, o.steps);
+  CHECK(o.changes == 1 && o.waited_max_ns == 0, "%d changes, a frame waited %d ns", o.changes,
+        (int)o.waited_max_ns);
+  CHECK(o.steps - o.on_frame <= 17 && abs(o.steps - device.frames) <= 4, "%d of %d steps on a frame",
+        o.on_frame, o.steps);
 }
 
 static void test_a_slow_device_leaves_the_rate_to_the_clock(void) {
@@ -118,8 +123,13 @@ static void test_a_slow_device_leaves_the_rate_to_the_clock(void) {
 }
 
 static void test_a_fast_device_does_not_hasten_the_simulation(void) {
-  const struct { double rate_hz, jitter_ns; const char *name; } fast[] = {
-    {2000.0, 0.0, "2 kHz"}, {5000.0, 0.0, "5 kHz"}, {8000.0, 20000.0, "8 kHz"}, {1430.0, 50000.0, "1430 Hz with jitter"}};
+  const struct {
+    double rate_hz, jitter_ns;
+    const char *name;
+  } fast[] = {{2000.0, 0.0, "2 kHz"},
+              {5000.0, 0.0, "5 kHz"},
+              {8000.0, 20000.0, "8 kHz"},
+              {1430.0, 50000.0, "1430 Hz with jitter"}};
   for (int i = 0; i < 4; i++) {
     const outcome o = play(fast[i].rate_hz, fast[i].jitter_ns, 100, 2.0, fast[i].name);
     CHECK(o.steps > 1980 && o.steps < 2016, "%s: %d steps in 1998 periods", fast[i].name, o.steps);
@@ -135,7 +145,8 @@ static void test_frames_that_stay_away_are_told_and_time_goes_on(void) {
   const outcome o = run_clock(end_ns);
   check_bounds(&o, end_ns, "a second without");
   CHECK(o.following && o.changes == 3, "%d changes: to the device, to the clock, back", o.changes);
-  CHECK(o.steps - o.on_frame > 950 && o.steps - o.on_frame < 1050, "%d steps without a frame", o.steps - o.on_frame);
+  CHECK(o.steps - o.on_frame > 950 && o.steps - o.on_frame < 1050, "%d steps without a frame",
+        o.steps - o.on_frame);
 }
 
 int main(void) {

@@ -6,22 +6,25 @@
 
 #include "daemon/tell/json.h"
 
-static const struct { const char *name; gv_examine *examine; } checks[] = {
-  {"kernel", gv_examine_kernel},
-  {"real-time priority", gv_examine_priority},
-  {"locked memory", gv_examine_memory},
-  {"CPU budget", gv_examine_cgroup},
-  {"RT throttling", gv_examine_throttling},
-  {"frequency", gv_examine_governor},
-  {"sleep states", gv_examine_idle},
-  {"clock", gv_examine_clock},
-  {"interrupts", gv_examine_interrupts},
-  {"virtual machine", gv_examine_guest},
-  {"strict", gv_examine_strict},
-  {"CAN link", gv_examine_can},
-  {"LCM route", gv_examine_lcm},
-  {"socket buffers", gv_examine_buffers},
-  {"serial lines", gv_examine_serial},
+static const struct {
+  const char *name;
+  gv_examine *examine;
+} checks[] = {
+    {"kernel", gv_examine_kernel},
+    {"real-time priority", gv_examine_priority},
+    {"locked memory", gv_examine_memory},
+    {"CPU budget", gv_examine_cgroup},
+    {"RT throttling", gv_examine_throttling},
+    {"frequency", gv_examine_governor},
+    {"sleep states", gv_examine_idle},
+    {"clock", gv_examine_clock},
+    {"interrupts", gv_examine_interrupts},
+    {"virtual machine", gv_examine_guest},
+    {"strict", gv_examine_strict},
+    {"CAN link", gv_examine_can},
+    {"LCM route", gv_examine_lcm},
+    {"socket buffers", gv_examine_buffers},
+    {"serial lines", gv_examine_serial},
 };
 
 static const char *const verdict_name[] = {"PASS", "WARN", "FAIL"};

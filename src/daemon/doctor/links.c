@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// The doctor on what gloved is connected to: CAN interface, LCM's multicast group, socket buffers, serial lines.
-// can.rst of the kernel, route(8), LCM's "UDP multicast setup".
+// The doctor on what gloved is connected to: CAN interface, LCM's multicast group, socket buffers, serial
+// lines. can.rst of the kernel, route(8), LCM's "UDP multicast setup".
 #include <arpa/inet.h>
 #include <net/if.h>
 #include <stdlib.h>
@@ -21,15 +21,23 @@ static void judge_can(const gv_doctor *doctor, const char *iface, gv_finding *ou
   tree_read(doctor, state, sizeof state, "/sys/class/net/%s/operstate", iface);
   if (!there) {
     doctor_finds(out, GV_VERDICT_FAIL, "%s: no such interface", iface);
-    doctor_mends(out, "sudo modprobe can-dev, and see ip link (to try things: sudo ip link add dev %s type vcan)", iface);
+    doctor_mends(out,
+                 "sudo modprobe can-dev, and see ip link (to try things: sudo ip link add dev %s type vcan)",
+                 iface);
   } else if (!(flags & IFF_UP) || strcmp(state, "down") == 0) {
     doctor_finds(out, GV_VERDICT_FAIL, "%s is down (%s)", iface, *state ? state : "no state");
-    doctor_mends(out, "sudo ip link set %s up type can bitrate 1000000 dbitrate 5000000 fd on restart-ms 100", iface);
+    doctor_mends(out, "sudo ip link set %s up type can bitrate 1000000 dbitrate 5000000 fd on restart-ms 100",
+                 iface);
   } else if (mtu < MTU_FD) {
-    doctor_finds(out, GV_VERDICT_WARN, "%s carries classic CAN (mtu %ld): some 150 samples a second", iface, mtu);
-    doctor_mends(out, "sudo ip link set %s down; sudo ip link set %s up type can bitrate 1000000 dbitrate 5000000 fd on", iface, iface);
+    doctor_finds(out, GV_VERDICT_WARN, "%s carries classic CAN (mtu %ld): some 150 samples a second", iface,
+                 mtu);
+    doctor_mends(
+        out,
+        "sudo ip link set %s down; sudo ip link set %s up type can bitrate 1000000 dbitrate 5000000 fd on",
+        iface, iface);
   } else if (queue < QUEUE_LEAST || queue > QUEUE_MOST) {
-    doctor_finds(out, GV_VERDICT_WARN, "%s has a queue of %ld frames: %s", iface, queue, queue < QUEUE_LEAST ? "a bundle does not fit" : "old forces wait in it");
+    doctor_finds(out, GV_VERDICT_WARN, "%s has a queue of %ld frames: %s", iface, queue,
+                 queue < QUEUE_LEAST ? "a bundle does not fit" : "old forces wait in it");
     doctor_mends(out, "sudo ip link set %s txqueuelen 10", iface);
   } else {
     doctor_finds(out, GV_VERDICT_PASS, "%s: CAN FD (mtu %ld), queue %ld, %s", iface, mtu, queue, state);
@@ -55,8 +63,11 @@ static bool find_route(const gv_doctor *doctor, uint32_t group, char out_iface[I
     unsigned long destination, mask;
     unsigned flags;
     // Numbers are in hexadecimal, addresses as the wire has them, read as a number of this machine.
-    if (sscanf(line + 1, "%15s %lx %*s %x %*s %*s %*s %lx", iface, &destination, &flags, &mask) != 4) continue;
-    if (!(flags & 1) || (group & mask) != destination || (found && ntohl((uint32_t)mask) <= ntohl((uint32_t)best_mask))) continue;
+    if (sscanf(line + 1, "%15s %lx %*s %x %*s %*s %*s %lx", iface, &destination, &flags, &mask) != 4)
+      continue;
+    if (!(flags & 1) || (group & mask) != destination ||
+        (found && ntohl((uint32_t)mask) <= ntohl((uint32_t)best_mask)))
+      continue;
     found = true;
     best_mask = mask;
     memcpy(out_iface, iface, sizeof iface);
@@ -80,7 +91,8 @@ void gv_examine_lcm(const gv_doctor *doctor, gv_finding *out) {
   }
   tree_number(doctor, &flags, "/sys/class/net/%s/flags", iface);
   const bool multicast = (flags & IFF_MULTICAST) != 0;
-  doctor_finds(out, multicast ? GV_VERDICT_PASS : GV_VERDICT_WARN, "%s goes out by %s%s", host, iface, multicast ? "" : ", which is not marked for multicast");
+  doctor_finds(out, multicast ? GV_VERDICT_PASS : GV_VERDICT_WARN, "%s goes out by %s%s", host, iface,
+               multicast ? "" : ", which is not marked for multicast");
   doctor_mends(out, "sudo ip link set %s multicast on", iface);
 }
 
@@ -89,14 +101,22 @@ void gv_examine_buffers(const gv_doctor *doctor, gv_finding *out) {
   long most = 0;
   tree_number(doctor, &most, "/proc/sys/net/core/rmem_max");
   if (most >= WANTED) doctor_finds(out, GV_VERDICT_PASS, "a socket may hold %ld kB", most / 1000);
-  else if (most >= LEAST) doctor_finds(out, GV_VERDICT_WARN, "a socket may hold %ld kB: a stall of 0.3 s loses frames, large LCM messages arrive torn", most / 1000);
-  else doctor_finds(out, GV_VERDICT_FAIL, "a socket may hold %ld kB: a short stall loses frames", most / 1000);
+  else if (most >= LEAST)
+    doctor_finds(out, GV_VERDICT_WARN,
+                 "a socket may hold %ld kB: a stall of 0.3 s loses frames, large LCM messages arrive torn",
+                 most / 1000);
+  else
+    doctor_finds(out, GV_VERDICT_FAIL, "a socket may hold %ld kB: a short stall loses frames", most / 1000);
   doctor_mends(out, "sudo sysctl -w net.core.rmem_max=2097152 net.core.rmem_default=2097152");
 }
 
 // ---- serial lines ----------------------------------------------------------------------------------------
 
-typedef struct timers { int lines; long slowest_ms; char name[32]; } timers;
+typedef struct timers {
+  int lines;
+  long slowest_ms;
+  char name[32];
+} timers;
 
 static void look_at_line(const gv_doctor *doctor, const char *name, void *user) {
   timers *t = user;
@@ -108,14 +128,17 @@ static void look_at_line(const gv_doctor *doctor, const char *name, void *user) 
   snprintf(t->name, sizeof t->name, "%s", name);
 }
 
-// A converter holds bytes back until its timer is over: at 16 ms, the default of many, a glove of 1 kHz is a glove of
-// 60 Hz. gloved asks for 1 ms when it opens the line, which not every driver heeds.
+// A converter holds bytes back until its timer is over: at 16 ms, the default of many, a glove of 1 kHz is a
+// glove of 60 Hz. gloved asks for 1 ms when it opens the line, which not every driver heeds.
 void gv_examine_serial(const gv_doctor *doctor, gv_finding *out) {
   timers t = {0};
   tree_each(doctor, "/sys/bus/usb-serial/devices", "ttyUSB", look_at_line, &t);
-  const bool used = t.lines && (strstr(doctor->settings->fcu, t.name) || strstr(doctor->settings->tracker, t.name));
+  const bool used =
+      t.lines && (strstr(doctor->settings->fcu, t.name) || strstr(doctor->settings->tracker, t.name));
   if (t.lines == 0) doctor_finds(out, GV_VERDICT_PASS, "no converter with a latency timer");
   else if (t.slowest_ms <= 1) doctor_finds(out, GV_VERDICT_PASS, "%d lines, latency timers at 1 ms", t.lines);
-  else doctor_finds(out, used && t.slowest_ms >= 16 ? GV_VERDICT_FAIL : GV_VERDICT_WARN, "%s holds bytes back for %ld ms", t.name, t.slowest_ms);
+  else
+    doctor_finds(out, used && t.slowest_ms >= 16 ? GV_VERDICT_FAIL : GV_VERDICT_WARN,
+                 "%s holds bytes back for %ld ms", t.name, t.slowest_ms);
   doctor_mends(out, "echo 1 | sudo tee /sys/bus/usb-serial/devices/%s/latency_timer", t.name);
 }

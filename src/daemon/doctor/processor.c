@@ -8,13 +8,19 @@
 
 // ---- frequency -------------------------------------------------------------------------------------------
 
-typedef struct governors { int performance, dynamic, lowest; char name[32]; } governors;
+typedef struct governors {
+  int performance, dynamic, lowest;
+  char name[32];
+} governors;
 
-// powersave means "as the load asks" with the processors' own drivers, and the lowest frequency with any other.
+// powersave means "as the load asks" with the processors' own drivers, and the lowest frequency with any
+// other.
 static void count_governor(const gv_doctor *doctor, const char *cpu, void *user) {
   governors *g = user;
   char governor[32], driver[32];
-  if (!tree_read(doctor, governor, sizeof governor, "/sys/devices/system/cpu/%s/cpufreq/scaling_governor", cpu)) return;
+  if (!tree_read(doctor, governor, sizeof governor, "/sys/devices/system/cpu/%s/cpufreq/scaling_governor",
+                 cpu))
+    return;
   tree_read(doctor, driver, sizeof driver, "/sys/devices/system/cpu/%s/cpufreq/scaling_driver", cpu);
   const bool own_driver = strstr(driver, "pstate") != NULL;
   if (strcmp(governor, "performance") == 0) g->performance++;
@@ -26,8 +32,11 @@ static void count_governor(const gv_doctor *doctor, const char *cpu, void *user)
 void gv_examine_governor(const gv_doctor *doctor, gv_finding *out) {
   governors g = {0};
   tree_each(doctor, "/sys/devices/system/cpu", "cpu", count_governor, &g);
-  if (g.lowest) doctor_finds(out, GV_VERDICT_FAIL, "%d cores stay at their lowest frequency (%s)", g.lowest, g.name);
-  else if (g.dynamic) doctor_finds(out, GV_VERDICT_WARN, "%d cores follow their load (%s): a step after a pause takes longer", g.dynamic, g.name);
+  if (g.lowest)
+    doctor_finds(out, GV_VERDICT_FAIL, "%d cores stay at their lowest frequency (%s)", g.lowest, g.name);
+  else if (g.dynamic)
+    doctor_finds(out, GV_VERDICT_WARN, "%d cores follow their load (%s): a step after a pause takes longer",
+                 g.dynamic, g.name);
   else if (g.performance) doctor_finds(out, GV_VERDICT_PASS, "performance");
   else doctor_finds(out, GV_VERDICT_PASS, "the kernel does not change the frequency");
   doctor_mends(out, "echo performance | sudo tee /sys/devices/system/cpu/cpu*/cpufreq/scaling_governor");
@@ -35,7 +44,11 @@ void gv_examine_governor(const gv_doctor *doctor, gv_finding *out) {
 
 // ---- sleep -----------------------------------------------------------------------------------------------
 
-typedef struct sleep_states { int cpu; long slowest_us; char name[32]; } sleep_states;
+typedef struct sleep_states {
+  int cpu;
+  long slowest_us;
+  char name[32];
+} sleep_states;
 
 static void look_at_state(const gv_doctor *doctor, const char *state, void *user) {
   sleep_states *s = user;
@@ -54,10 +67,16 @@ void gv_examine_idle(const gv_doctor *doctor, gv_finding *out) {
   tree_each(doctor, directory, "state", look_at_state, &s);
   const bool held = doctor->settings->cpu_dma_latency && tree_may_write(doctor, "/dev/cpu_dma_latency");
   if (s.slowest_us <= 2) doctor_finds(out, GV_VERDICT_PASS, "core %d does not sleep deeply", s.cpu);
-  else if (held) doctor_finds(out, GV_VERDICT_PASS, "gloved keeps the cores awake while it runs (/dev/cpu_dma_latency)");
-  else if (s.slowest_us <= 50) doctor_finds(out, GV_VERDICT_WARN, "core %d takes up to %ld us to wake (%s)", s.cpu, s.slowest_us, s.name);
-  else doctor_finds(out, GV_VERDICT_FAIL, "core %d takes up to %ld us to wake (%s)", s.cpu, s.slowest_us, s.name);
-  if (doctor->settings->cpu_dma_latency) doctor_mends(out, "sudo setfacl -m u:$USER:w /dev/cpu_dma_latency (or run gloved as root)");
+  else if (held)
+    doctor_finds(out, GV_VERDICT_PASS, "gloved keeps the cores awake while it runs (/dev/cpu_dma_latency)");
+  else if (s.slowest_us <= 50)
+    doctor_finds(out, GV_VERDICT_WARN, "core %d takes up to %ld us to wake (%s)", s.cpu, s.slowest_us,
+                 s.name);
+  else
+    doctor_finds(out, GV_VERDICT_FAIL, "core %d takes up to %ld us to wake (%s)", s.cpu, s.slowest_us,
+                 s.name);
+  if (doctor->settings->cpu_dma_latency)
+    doctor_mends(out, "sudo setfacl -m u:$USER:w /dev/cpu_dma_latency (or run gloved as root)");
   else doctor_mends(out, "set realtime.cpu_dma_latency = true in --config");
 }
 
@@ -71,21 +90,28 @@ static bool one_of(const char *word, const char *const *list) {
 
 // What the vDSO reads costs 20 to 60 ns, a system call to an old timer chip a microsecond and more.
 void gv_examine_clock(const gv_doctor *doctor, gv_finding *out) {
-  static const char *const by_vdso[] = {"tsc", "kvm-clock", "arch_sys_counter", "hyperv_clocksource_tsc_page", NULL};
+  static const char *const by_vdso[] = {"tsc", "kvm-clock", "arch_sys_counter", "hyperv_clocksource_tsc_page",
+                                        NULL};
   static const char *const slow[] = {"acpi_pm", "jiffies", "pit", NULL};
   char source[64], available[128];
-  tree_read(doctor, source, sizeof source, "/sys/devices/system/clocksource/clocksource0/current_clocksource");
-  tree_read(doctor, available, sizeof available, "/sys/devices/system/clocksource/clocksource0/available_clocksource");
+  tree_read(doctor, source, sizeof source,
+            "/sys/devices/system/clocksource/clocksource0/current_clocksource");
+  tree_read(doctor, available, sizeof available,
+            "/sys/devices/system/clocksource/clocksource0/available_clocksource");
   if (one_of(source, by_vdso)) doctor_finds(out, GV_VERDICT_PASS, "%s", source);
-  else if (one_of(source, slow)) doctor_finds(out, GV_VERDICT_FAIL, "%s: reading it takes microseconds", source);
+  else if (one_of(source, slow))
+    doctor_finds(out, GV_VERDICT_FAIL, "%s: reading it takes microseconds", source);
   else doctor_finds(out, GV_VERDICT_WARN, "%s: reading it takes a system call", *source ? source : "unknown");
-  if (strstr(available, "tsc")) doctor_mends(out, "echo tsc | sudo tee /sys/devices/system/clocksource/clocksource0/current_clocksource");
+  if (strstr(available, "tsc"))
+    doctor_mends(out, "echo tsc | sudo tee /sys/devices/system/clocksource/clocksource0/current_clocksource");
   else doctor_mends(out, "boot with tsc=reliable where the processor's counter is sound");
 }
 
 // ---- interrupts ------------------------------------------------------------------------------------------
 
-typedef struct interrupts { int core, all, here; } interrupts;
+typedef struct interrupts {
+  int core, all, here;
+} interrupts;
 
 static void count_interrupt(const gv_doctor *doctor, const char *number, void *user) {
   interrupts *i = user;
@@ -99,11 +125,16 @@ static void count_interrupt(const gv_doctor *doctor, const char *number, void *u
 void gv_examine_interrupts(const gv_doctor *doctor, gv_finding *out) {
   interrupts i = {.core = tree_loop_core(doctor)};
   tree_each(doctor, "/proc/irq", "", count_interrupt, &i);
-  if (i.here == 0) doctor_finds(out, GV_VERDICT_PASS, "none of %d is served by core %d, the loop's", i.all, i.core);
-  else if (i.here < i.all) doctor_finds(out, GV_VERDICT_WARN, "%d of %d are served by core %d, the loop's", i.here, i.all, i.core);
+  if (i.here == 0)
+    doctor_finds(out, GV_VERDICT_PASS, "none of %d is served by core %d, the loop's", i.all, i.core);
+  else if (i.here < i.all)
+    doctor_finds(out, GV_VERDICT_WARN, "%d of %d are served by core %d, the loop's", i.here, i.all, i.core);
   else doctor_finds(out, GV_VERDICT_FAIL, "all %d are served by core %d, the loop's", i.all, i.core);
   if (tree_cores(doctor) < 2) doctor_mends(out, "give the machine a second core");
-  else if (i.here < i.all) doctor_mends(out, "for i in /proc/irq/[0-9]*; do echo 0 | sudo tee $i/smp_affinity_list; done (some cannot be moved)");
+  else if (i.here < i.all)
+    doctor_mends(
+        out,
+        "for i in /proc/irq/[0-9]*; do echo 0 | sudo tee $i/smp_affinity_list; done (some cannot be moved)");
   else doctor_mends(out, "set realtime.cpu in --config to another core");
 }
 
@@ -116,8 +147,11 @@ void gv_examine_guest(const gv_doctor *doctor, gv_finding *out) {
   const char *model = tree_line(text, "model name"), *flags = tree_line(text, "flags");
   const char *flag = flags ? strstr(flags, " hypervisor") : NULL;
   const bool guest = *hypervisor || (flag && flag < flags + strcspn(flags, "\n"));
-  if (model && strncmp(model, "QEMU", 4) == 0) doctor_finds(out, GV_VERDICT_FAIL, "an emulated processor: no deadline of its own");
-  else if (guest) doctor_finds(out, GV_VERDICT_WARN, "a virtual machine: its host can make it stand still for milliseconds");
+  if (model && strncmp(model, "QEMU", 4) == 0)
+    doctor_finds(out, GV_VERDICT_FAIL, "an emulated processor: no deadline of its own");
+  else if (guest)
+    doctor_finds(out, GV_VERDICT_WARN,
+                 "a virtual machine: its host can make it stand still for milliseconds");
   else doctor_finds(out, GV_VERDICT_PASS, "not a virtual machine");
   doctor_mends(out, "run gloved on the machine itself");
 }

@@ -59,7 +59,8 @@ void tree_each(const gv_doctor *doctor, const char *directory, const char *prefi
   DIR *open_directory = opendir(whole);
   if (!open_directory) return;
   for (const struct dirent *entry; (entry = readdir(open_directory));)
-    if (strncmp(entry->d_name, prefix, n) == 0 && isdigit((unsigned char)entry->d_name[n])) visit(doctor, entry->d_name, user);
+    if (strncmp(entry->d_name, prefix, n) == 0 && isdigit((unsigned char)entry->d_name[n]))
+      visit(doctor, entry->d_name, user);
   closedir(open_directory);
 }
 

@@ -47,7 +47,8 @@ static int populate_object(struct dl_phdr_info *info, size_t size, void *data) {
   return 0;
 }
 
-// The kernel keeps the promise "wake within 0 us" for as long as the file is open (its Documentation/power/pm_qos_interface.rst).
+// The kernel keeps the promise "wake within 0 us" for as long as the file is open (its
+// Documentation/power/pm_qos_interface.rst).
 // One that has no such file has no sleep states to keep out of.
 static bool hold_awake(void) {
   static int held = -1;
@@ -103,12 +104,13 @@ unsigned gv_realtime_enter(const gv_realtime_config *cfg) {
 
 void gv_realtime_refusal_text(unsigned refusals, char *out, size_t size) {
   snprintf(out, size, "this machine refuses%s%s%s%s; going on without (gloved --doctor says what to do)",
-           refusals & GV_REFUSED_PRIORITY ? " SCHED_FIFO" : "", refusals & GV_REFUSED_MEMORY ? " mlockall" : "",
-           refusals & GV_REFUSED_CPU ? " this CPU" : "", refusals & GV_REFUSED_AWAKE ? " /dev/cpu_dma_latency" : "");
+           refusals & GV_REFUSED_PRIORITY ? " SCHED_FIFO" : "",
+           refusals & GV_REFUSED_MEMORY ? " mlockall" : "", refusals & GV_REFUSED_CPU ? " this CPU" : "",
+           refusals & GV_REFUSED_AWAKE ? " /dev/cpu_dma_latency" : "");
 }
 
-// Under mlockall(MCL_FUTURE) a mapping that can be written would at once take all of its memory: it becomes so only
-// when it is not locked any more. What is kept of it is locked by the next gv_realtime_prepare.
+// Under mlockall(MCL_FUTURE) a mapping that can be written would at once take all of its memory: it becomes
+// so only when it is not locked any more. What is kept of it is locked by the next gv_realtime_prepare.
 void *gv_realtime_reserve(size_t size) {
   void *memory = mmap(NULL, size, PROT_NONE, MAP_PRIVATE | MAP_ANONYMOUS | MAP_NORESERVE, -1, 0);
   if (memory == MAP_FAILED) return NULL;

@@ -9,24 +9,32 @@
 #include <stdint.h>
 
 typedef struct gv_realtime_config {
-  int priority;      // SCHED_FIFO 1..99; 0: the ordinary scheduler
-  bool lock_memory;  // mlockall
-  bool stay_awake;   // hold /dev/cpu_dma_latency at zero: processors do not sleep deeply while the program runs
-  int cpu;           // core to run on; or one of:
+  int priority;     // SCHED_FIFO 1..99; 0: the ordinary scheduler
+  bool lock_memory; // mlockall
+  bool stay_awake; // hold /dev/cpu_dma_latency at zero: processors do not sleep deeply while the program runs
+  int cpu;         // core to run on; or one of:
 } gv_realtime_config;
 
-enum { GV_CPU_LAST = -1,   // the last one allowed, where there are several
-       GV_CPU_ANY = -2 };
+enum {
+  GV_CPU_LAST = -1, // the last one allowed, where there are several
+  GV_CPU_ANY = -2
+};
 
 typedef enum gv_refusal { // bits
-  GV_REFUSED_MEMORY = 1 << 0, GV_REFUSED_PRIORITY = 1 << 1, GV_REFUSED_CPU = 1 << 2, GV_REFUSED_AWAKE = 1 << 3
+  GV_REFUSED_MEMORY = 1 << 0,
+  GV_REFUSED_PRIORITY = 1 << 1,
+  GV_REFUSED_CPU = 1 << 2,
+  GV_REFUSED_AWAKE = 1 << 3
 } gv_refusal;
 
-enum { GV_REALTIME_STACK = 2 << 20,        // bytes of stack that the loop's thread has (thread-local data lies in it, too),
-       GV_REALTIME_STACK_TOUCHED = 1 << 19 }; // and how many it touches beforehand; a step uses below 96 kB
+enum {
+  GV_REALTIME_STACK =
+      2 << 20, // bytes of stack that the loop's thread has (thread-local data lies in it, too),
+  GV_REALTIME_STACK_TOUCHED = 1 << 19
+}; // and how many it touches beforehand; a step uses below 96 kB
 
-// Whole process, before the loop's thread starts: touches all code and data that is mapped, locks memory, and keeps the
-// processors awake until the process ends. Returns gv_refusal bits.
+// Whole process, before the loop's thread starts: touches all code and data that is mapped, locks memory, and
+// keeps the processors awake until the process ends. Returns gv_refusal bits.
 unsigned gv_realtime_prepare(const gv_realtime_config *cfg);
 // In the loop's thread: stack, timer slack, core, priority. Returns gv_refusal bits.
 unsigned gv_realtime_enter(const gv_realtime_config *cfg);
@@ -39,7 +47,9 @@ void *gv_realtime_reserve(size_t size);
 size_t gv_realtime_trim(void *memory, size_t size, size_t used);
 
 // Page faults of the calling thread so far.
-typedef struct gv_page_faults { int64_t major, minor; } gv_page_faults;
+typedef struct gv_page_faults {
+  int64_t major, minor;
+} gv_page_faults;
 gv_page_faults gv_realtime_page_faults(void);
 
 #endif

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// The list of calls as a classic BPF program over struct seccomp_data (linux/seccomp.h): processor, number of the call,
-// for read and write the descriptor.
+// The list of calls as a classic BPF program over struct seccomp_data (linux/seccomp.h): processor, number of
+// the call, for read and write the descriptor.
 #include "daemon/loop/strict.h"
 
 #include <assert.h>
@@ -46,7 +46,9 @@ static void go_on_if(program *p, unsigned short comparison, unsigned value, unsi
   put(p, (struct sock_filter)BPF_JUMP((unsigned short)(BPF_JMP | comparison | BPF_K), value, 0, skipped));
 }
 
-static void answer(program *p, unsigned verdict) { put(p, (struct sock_filter)BPF_STMT(BPF_RET | BPF_K, verdict)); }
+static void answer(program *p, unsigned verdict) {
+  put(p, (struct sock_filter)BPF_STMT(BPF_RET | BPF_K, verdict));
+}
 
 static void allow(program *p, unsigned call) {
   go_on_if(p, BPF_JEQ, call, 1);
@@ -63,11 +65,13 @@ static void allow_on_a_line(program *p, unsigned call) {
 }
 
 static void write_program(program *p, unsigned driver_calls) {
-  static const unsigned always[] = {__NR_clock_nanosleep, __NR_ppoll, __NR_clock_gettime, __NR_getrusage,
-                                    CALL_ALARM, __NR_rt_sigprocmask, __NR_madvise, __NR_exit};
+  static const unsigned always[] = {__NR_clock_nanosleep, __NR_ppoll, __NR_clock_gettime,
+                                    __NR_getrusage,       CALL_ALARM, __NR_rt_sigprocmask,
+                                    __NR_madvise,         __NR_exit};
   load(p, offsetof(struct seccomp_data, arch));
   go_on_if(p, BPF_JEQ, PROCESSOR, 1);
-  load(p, offsetof(struct seccomp_data, nr)); // on another processor the word stays, which is no call's number
+  // On another processor the loaded word stays its name, which is no call's number.
+  load(p, offsetof(struct seccomp_data, nr));
   for (size_t i = 0; i < sizeof always / sizeof *always; i++) allow(p, always[i]);
   if (driver_calls & GV_CALLS_SOCKET) {
     allow(p, __NR_recvmmsg);

@@ -2,11 +2,11 @@
 // When the next step is due where the device's frame is the clock (--sync device): arithmetic alone, without
 // clock or descriptor, so that a test can play any device against it. Real-time thread.
 //
-// A clock of the loop's own runs on beside the device, one period a step: the glove's frame is awaited from half a
-// period before its due time (of a faster device: half the time between its frames) until a quarter after, and the
-// step begins with it. Without one the step begins at the window's end. The clock follows the frames by an eighth
-// of what they are off, at most a fiftieth of a period: the simulation never runs more than 2 % beside real time,
-// whatever a device sends.
+// A clock of the loop's own runs on beside the device, one period a step: the glove's frame is awaited from
+// half a period before its due time (of a faster device: half the time between its frames) until a quarter
+// after, and the step begins with it. Without one the step begins at the window's end. The clock follows the
+// frames by an eighth of what they are off, at most a fiftieth of a period: the simulation never runs more
+// than 2 % beside real time, whatever a device sends.
 #ifndef GLOVED_DAEMON_SYNC_H
 #define GLOVED_DAEMON_SYNC_H
 
@@ -15,9 +15,9 @@
 
 typedef struct gv_sync {
   int64_t period_ns;
-  int64_t interval_ns;        // between the glove's frames, smoothed; a period at most
-  int64_t frame_ns;           // of the newest one
-  bool following;             // the device's frames are the clock now
+  int64_t interval_ns; // between the glove's frames, smoothed; a period at most
+  int64_t frame_ns;    // of the newest one
+  bool following;      // the device's frames are the clock now
   int frames_in_row, misses_in_row;
 } gv_sync;
 
