@@ -15,6 +15,7 @@
 #include "daemon/load/devices.h"
 #include "daemon/load/output.h"
 #include "daemon/load/replay.h"
+#include "daemon/load/scene_thread.h"
 #include "daemon/loop/machine.h"
 #include "daemon/options.h"
 #include "daemon/tell/slow.h"
@@ -37,6 +38,7 @@ typedef struct program {
   gv_about about;            // what this run is made of
   gv_about recorded;         // what the recording was made of that is replayed
   const char *scene_text;    // of the recording's scene, where its file is not as it was; else null
+  gv_scene_thread loader;    // of `next`
   char next_scene[GV_SETTING_TEXT]; // file of `next`
   FILE *summary_file;        // null: not asked for
   gv_session session;
@@ -107,13 +109,18 @@ static int open_world(program *p) {
 }
 
 // Called in this thread while the loop runs. Null, or the reason, valid until the next call.
-static const char *load_scene(void *user, const char *file) {
+static const char *begin_scene(void *user, const char *file, int64_t now_ns) {
   program *p = user;
   if (p->pace == GV_PACE_FREE || strncmp(p->settings.fcu, "trace:", 6) == 0 || p->recorder.file)
     return "a recording is of one scene; start gloved with --scene";
   gv_world_close(&p->next);  // what the loop refused last time
   snprintf(p->next_scene, sizeof p->next_scene, "%s", file);
-  return gv_world_load(&p->next, file, NULL, &p->settings.engine, p->err, sizeof p->err) ? p->err : NULL;
+  return gv_scene_thread_begin(&p->loader, file, &p->settings.engine, now_ns);
+}
+
+static bool scene_ended(void *user, int64_t now_ns, const char **out_refusal) {
+  program *p = user;
+  return gv_scene_thread_ended(&p->loader, now_ns, &p->next, out_refusal);
 }
 
 // Where nobody asked for a certain LCM, a machine without multicast is told so, and the hand works all the same.
@@ -123,7 +130,7 @@ static int open_telemetry(program *p) {
   const bool required = p->options.lcm || strcmp(p->settings.lcm, defaults.lcm) != 0;
   const gv_telemetry_config telemetry = {.lcm_url = p->settings.lcm, .lcm_required = required, .log_path = p->options.check ? NULL : p->options.log,
                                          .scene = &p->world.scene, .hand = &p->settings.engine.hand, .arena = &p->world.arena, .about = &p->about,
-                                         .load_scene = load_scene, .user = p, .give_up = &give_up};
+                                         .begin_scene = begin_scene, .scene_ended = scene_ended, .user = p, .give_up = &give_up};
   p->telemetry = gv_telemetry_open(&telemetry, p->err, sizeof p->err);
   if (p->telemetry && p->err[0]) fprintf(stderr, "gloved: going on without LCM: %s\n", p->err);
   return p->telemetry ? 0 : -1;

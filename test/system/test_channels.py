@@ -15,6 +15,9 @@ import tempfile
 import threading
 import time
 
+sys.path.insert(0, "test/support")
+import hostile
+
 B = os.environ["B"]
 GLOVED = os.path.abspath(B + "/gloved")
 PORT = 20000 + os.getpid() % 10000 * 2  # of their own: no running daemon and no other test is disturbed
@@ -223,6 +226,38 @@ def check_scene(lcm, types, folder):
     verdict("the_switch_must_be_let_go_first", "" if held and all(s.safety_state == READY and s.dead_man and max(s.force_commanded_n) == 0 for s in held)
             and late and set(late) <= {ARMED, ACTIVE} else f"{[(s.time_s, s.safety_state, s.force_commanded_n) for s in held][:3]} {set(late)}")
     check_counters_over_scenes(states, json.load(open(folder + "/scene.json")))
+
+
+def check_slow_scene(lcm, types, folder):
+    """A scene that is slow to check is loaded beside everything else, and refused before it has taken long."""
+    hostile.write(folder + "/hostile.scene")
+    d = Daemon(lcm, types, folder, 60, ("--fcu", "sim:late.user"))
+    d.until(0.3)
+    scene = types.command_t()
+    scene.kind, scene.text = 1, "hostile.scene"
+    d.link.publish("GLOVED_COMMAND", scene.encode())
+    asked_s = d.state().time_s
+    d.until(asked_s + 0.2)
+    disarm, second = d.ask(6), d.ask(1, 0.0, "hostile.scene")
+    verdict("disarm_is_obeyed_while_a_scene_loads", "" if disarm == "command disarm: done" else disarm)
+    told = [e.text for e in d.of("GLOVED_EVENT", "event_t") if e.kind == 4]
+    verdict("the_scene_was_still_loading", "" if "wait for it" in second and not any("too long" in t for t in told) else f"{second} {told}")
+    end = time.time() + 20
+    while time.time() < end and not any("too long to check" in e.text for e in d.of("GLOVED_EVENT", "event_t")[1:]):
+        d.link.handle_timeout(20)
+    verdict("a_slow_scene_is_refused", "" if time.time() < end else f"{[e.text for e in d.of('GLOVED_EVENT', 'event_t')]}")
+    times = [s.time_s for s in d.of("GLOVED_STATE", "state_t") if s.time_s >= asked_s]
+    gap = max(b - a for a, b in zip(times, times[1:]))
+    verdict("states_go_on_while_a_scene_loads", "" if gap < 0.5 else f"none for {gap} s")
+    d.link.publish("GLOVED_COMMAND", scene.encode())
+    d.until(d.state().time_s + 0.3)
+    d.process.terminate()
+    try:
+        code = d.process.wait(3)
+    except subprocess.TimeoutExpired:
+        d.process.kill()
+        code = "none after 3 s"
+    verdict("sigterm_ends_it_while_a_scene_loads", "" if code == 0 else f"exit code {code}")
 
 
 def check_counters_over_scenes(states, summary):
@@ -472,6 +507,7 @@ def main():
             check_commands(lcm, types, folder)
             check_flood(lcm, types, folder)
             check_scene(lcm, types, folder)
+            check_slow_scene(lcm, types, folder)
             check_stats_and_trace(lcm, types, folder)
             check_logger(lcm, folder)
         else:

@@ -136,22 +136,31 @@ static double outside_box(gv_vec3 p, const gv_hull *piece) {
   return fmax(fmax(fmax(low.x, high.x), fmax(low.y, high.y)), fmax(low.z, high.z));
 }
 
-// How far p lies outside of the nearest piece, by its face planes (at most the distance); 0 or less: inside.
-static double outside_pieces(gv_vec3 p, const gv_hull *piece, int piece_count) {
+// How far p lies outside of the nearest piece, by its face planes (at most the distance); 0 or less: inside. Takes what it
+// looks at from *work.
+static double outside_pieces(gv_vec3 p, const gv_hull *piece, int piece_count, int64_t *work) {
   double least = HUGE_VAL;
   for (int i = 0; i < piece_count && least > 0; i++) {
+    --*work;
     if (outside_box(p, &piece[i]) >= least) continue;
     double most = -HUGE_VAL;
     for (int f = 0; f < piece[i].face_count && most < least; f++)
       most = fmax(most, gv_dot(piece[i].face_normal[f], p) - piece[i].face_offset[f]);
+    *work -= piece[i].face_count;
     least = fmin(least, most);
   }
   return least;
 }
 
-static bool check_probe(gv_vec3 p, const char *which, int triangle, const gv_hull *piece, int piece_count, double fit_m,
-                        gv_mesh_fault *out) {
-  double gap = outside_pieces(p, piece, piece_count);
+static bool fail_work(const gv_mesh *mesh, int piece_count, gv_mesh_fault *out) {
+  return find_fault(out, -1, -1, "%d triangles with %d pieces take too long to check against each other; give fewer pieces, "
+                    "or a simpler mesh", mesh->triangle_count, piece_count);
+}
+
+static bool check_probe(const gv_mesh *mesh, gv_vec3 p, const char *which, int triangle, const gv_hull *piece, int piece_count,
+                        double fit_m, int64_t *work, gv_mesh_fault *out) {
+  double gap = outside_pieces(p, piece, piece_count, work);
+  if (*work < 0) return fail_work(mesh, piece_count, out);
   if (gap <= fit_m) return true;
   return find_fault(out, triangle, -1, "the %s (%g, %g, %g) of triangle %d lies %.3g mm outside of every piece; add or "
                     "enlarge a piece there", which, p.x, p.y, p.z, triangle, gap * 1e3);
@@ -159,17 +168,17 @@ static bool check_probe(gv_vec3 p, const char *which, int triangle, const gv_hul
 
 // `seen` [vertex_count] zeros: each corner is looked at once.
 static bool check_mesh_covered(const gv_mesh *mesh, uint8_t *seen, const gv_hull *piece, int piece_count, double fit_m,
-                               gv_mesh_fault *out) {
+                               int64_t *work, gv_mesh_fault *out) {
   for (int t = 0; t < mesh->triangle_count; t++) {
     gv_vec3 middle = gv_v3(0, 0, 0);
     for (int k = 0; k < 3; k++) {
       gv_vec3 p = corner(mesh, t, k);
       uint8_t *known = &seen[mesh->triangle[t].v[k]];
       middle = gv_mad(middle, 1.0 / 3, p);
-      if (!*known && !check_probe(p, "corner", t, piece, piece_count, fit_m, out)) return false;
+      if (!*known && !check_probe(mesh, p, "corner", t, piece, piece_count, fit_m, work, out)) return false;
       *known = 1;
     }
-    if (!check_probe(middle, "middle", t, piece, piece_count, fit_m, out)) return false;
+    if (!check_probe(mesh, middle, "middle", t, piece, piece_count, fit_m, work, out)) return false;
   }
   return true;
 }
@@ -231,12 +240,15 @@ static double mesh_distance(const gv_mesh *mesh, gv_vec3 p) {
   return nearest;
 }
 
-static bool check_piece_inside(const gv_mesh *mesh, const gv_hull *piece, int number, double fit_m, gv_mesh_fault *out) {
+static bool check_piece_inside(const gv_mesh *mesh, const gv_hull *piece, int number, int piece_count, double fit_m, int64_t *work,
+                               gv_mesh_fault *out) {
   int turns[GV_MAX_HULL_VERTICES] = {0};
   bool near[GV_MAX_HULL_VERTICES] = {false};
   for (int t = 0; t < mesh->triangle_count; t++) {
     const gv_vec3 q[3] = {corner(mesh, t, 0), corner(mesh, t, 1), corner(mesh, t, 2)};
+    if (--*work < 0) return fail_work(mesh, piece_count, out);
     if (!concerns(q, piece, fit_m)) continue;
+    *work -= 4 * piece->vertex_count;  // a corner's crossing and distance cost as much as four planes
     for (int v = 0; v < piece->vertex_count; v++) {
       turns[v] += crossing(piece->vertex[v], q);
       near[v] = near[v] || triangle_distance(piece->vertex[v], q[0], q[1], q[2]) <= fit_m;
@@ -262,11 +274,11 @@ static bool check_volumes(const gv_mesh *mesh, double pieces_volume, double fit_
 }
 
 bool gv_pieces_check(const gv_mesh *mesh, const gv_hull *piece, int piece_count, double pieces_volume, double fit_m,
-                     gv_mesh_fault *out) {
+                     int64_t *work, gv_mesh_fault *out) {
   uint8_t *seen = calloc((size_t)mesh->vertex_count, 1);
   if (!seen) return find_fault(out, -1, -1, "out of memory while checking the pieces");
-  bool good = check_mesh_covered(mesh, seen, piece, piece_count, fit_m, out);
+  bool good = check_mesh_covered(mesh, seen, piece, piece_count, fit_m, work, out);
   free(seen);
-  for (int i = 0; i < piece_count && good; i++) good = check_piece_inside(mesh, &piece[i], i, fit_m, out);
+  for (int i = 0; i < piece_count && good; i++) good = check_piece_inside(mesh, &piece[i], i, piece_count, fit_m, work, out);
   return good && check_volumes(mesh, pieces_volume, fit_m, out);
 }

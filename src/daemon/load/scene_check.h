@@ -15,6 +15,9 @@ typedef struct gv_mesh {
   int vertex_count, triangle_count;
 } gv_mesh;
 
+// Planes, boxes and corners that the check of a scene may look at.
+#define GV_CHECK_WORK 250000000LL
+
 // What is wrong and what to do, with the place in the file it belongs to.
 typedef struct gv_mesh_fault {
   int triangle, piece; // index within the object, -1: none
@@ -29,8 +32,9 @@ double gv_mesh_volume(const gv_mesh *mesh);
 
 // The pieces fill the mesh: each corner and middle of a triangle lies in or on a piece, each corner of a piece
 // in or on the mesh, both within fit_m, and the volumes agree within 1 % and fit_m times the surface.
-// Cost: triangles x (pieces' faces + pieces' vertices).
+// Cost: triangles x (pieces' faces + pieces' vertices), counted down in *work, which begins at GV_CHECK_WORK for a scene: at its end
+// the scene is refused.
 bool gv_pieces_check(const gv_mesh *mesh, const gv_hull *piece, int piece_count, double pieces_volume, double fit_m,
-                     gv_mesh_fault *out);
+                     int64_t *work, gv_mesh_fault *out);
 
 #endif

@@ -26,6 +26,7 @@ typedef struct loader {
   gv_triangle *triangle;
   int objects, pieces, vertices, triangles;
   gv_materials materials;
+  int64_t work;           // left of GV_CHECK_WORK
 } loader;
 
 // A ball is shown as circles of latitude between its poles, and is round to the touch.
@@ -312,7 +313,7 @@ static gv_mass_properties check_shape(loader *l, const source *src, const gv_mes
   build_pieces(l, src, mesh->vertex, gv_v3(0, 0, 0), scratch);
   if (!src->object.conf->failed) {
     whole = sum_pieces(scratch, src->piece_count);
-    if (!gv_conf_has(src->ball) && !gv_pieces_check(mesh, scratch, src->piece_count, whole.volume, fit_m, &fault)) fail_shape(src, &fault);
+    if (!gv_conf_has(src->ball) && !gv_pieces_check(mesh, scratch, src->piece_count, whole.volume, fit_m, &l->work, &fault)) fail_shape(src, &fault);
   }
   *l->arena = before;
   return whole;
@@ -421,7 +422,7 @@ static void read_scene(loader *l, gv_conf *conf) {
 }
 
 static int load(gv_conf *conf, gv_arena *arena, gv_scene *out) {
-  loader l = {.arena = arena};
+  loader l = {.arena = arena, .work = GV_CHECK_WORK};
   read_scene(&l, conf);
   gv_conf_close(conf);
   if (conf->failed) return -1;

@@ -78,7 +78,10 @@ struct gv_telemetry {
   const atomic_bool *give_up;
   const gv_hand_model *hand;
   const gv_about *about;
-  const char *(*load_scene)(void *user, const char *file);
+  const char *(*begin_scene)(void *user, const char *file, int64_t now_ns);
+  bool (*scene_ended)(void *user, int64_t now_ns, const char **out_refusal);
+  bool scene_loading;        // `scene` waits for it
+  gv_request scene_request;
   void *user;
   gv_loop *loop;             // null: not attached yet
   bool log_broken;           // the disk refused a part of a log
@@ -482,19 +485,29 @@ static const char *pass_on(gv_telemetry *telemetry, const gv_request *request) {
   return NULL;
 }
 
-// Loaded here, so that a bad file changes nothing; the loop decides whether the moment fits, and ends for it. Loading
-// may take a second for a large scene, in which snapshots are lost.
+// Loaded beside everything else, so that a bad file changes nothing and a slow one holds nothing up; then the loop
+// decides whether the moment fits, and ends for it.
 static const char *ask_for_scene(gv_telemetry *telemetry, const gv_request *request) {
   const int state = telemetry->state.safety_state;
-  if (!telemetry->load_scene) return "a scene is chosen at the start; start gloved with --scene";
+  if (!telemetry->begin_scene) return "a scene is chosen at the start; start gloved with --scene";
   if (atomic_load(&telemetry->loop->scene_asked)) return "another scene is coming; wait for it";
   if (state == GV_SAFETY_ARMED || state == GV_SAFETY_ACTIVE) return "not while a force may flow; disarm first";
-  const char *refusal = telemetry->load_scene(telemetry->user, request->text);
+  const char *refusal = telemetry->begin_scene(telemetry->user, request->text, telemetry->listened_ns);
   if (refusal) return refusal;
+  telemetry->scene_loading = true;
+  telemetry->scene_request = *request;
   atomic_store(&telemetry->loop->scene_asked, true);
-  refusal = pass_on(telemetry, request);
-  if (refusal) atomic_store(&telemetry->loop->scene_asked, false);
-  return refusal;
+  return NULL;
+}
+
+// Every pass, while a scene is being loaded.
+static void follow_scene(gv_telemetry *telemetry) {
+  const char *refusal = NULL;
+  if (!telemetry->scene_loading || !telemetry->scene_ended(telemetry->user, telemetry->listened_ns, &refusal)) return;
+  telemetry->scene_loading = false;
+  if (!refusal && !(refusal = pass_on(telemetry, &telemetry->scene_request))) return;
+  atomic_store(&telemetry->loop->scene_asked, false);
+  answer(telemetry, GV_REQUEST_SCENE, refusal);
 }
 
 // Those for the loop are answered by the loop, when they are done.
@@ -554,6 +567,7 @@ static void on_command(const lcm_recv_buf_t *buffer, const char *channel, void *
 void gv_telemetry_listen(gv_telemetry *telemetry, int64_t now_ns) {
   telemetry->listened_ns = now_ns;
   if (!telemetry->listens) return;
+  follow_scene(telemetry);
   for (int i = 0; i < COMMANDS_A_PASS && lcm_handle_timeout(telemetry->lcm, 0) > 0; i++) {}
 }
 
@@ -637,7 +651,8 @@ gv_telemetry *gv_telemetry_open(const gv_telemetry_config *cfg, char *err, size_
   telemetry.give_up = cfg->give_up;
   telemetry.hand = cfg->hand;
   telemetry.about = cfg->about;
-  telemetry.load_scene = cfg->load_scene;
+  telemetry.begin_scene = cfg->begin_scene;
+  telemetry.scene_ended = cfg->scene_ended;
   telemetry.user = cfg->user;
   take_scene(&telemetry);
   *err = '\0';

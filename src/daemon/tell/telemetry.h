@@ -19,9 +19,11 @@ typedef struct gv_telemetry_config {
   const gv_scene *scene;       // must outlive the telemetry
   const gv_hand_model *hand;   // drawn
   const gv_arena *arena;       // its figures are published; must outlive the telemetry
-  // Loads the scene in this file beside the loop. Null, or why not and what to do. Null here: no scene by command.
-  const char *(*load_scene)(void *user, const char *file);
-  void *user;                  // of load_scene
+  // Begins to load the scene in this file beside the loop. Null, or why not and what to do. Null here: no scene by command.
+  const char *(*begin_scene)(void *user, const char *file, int64_t now_ns);
+  // Whether there is an end of it: *out_refusal is null, or why not and what to do.
+  bool (*scene_ended)(void *user, int64_t now_ns, const char **out_refusal);
+  void *user;                  // of these two
   const gv_about *about;       // must outlive the telemetry
   const atomic_bool *give_up;  // from when on nothing is sent any more (the log goes on)
 } gv_telemetry_config;
