@@ -96,7 +96,9 @@ static void judge(const gv_frame *command) {
   if (lets) p.open_ns = -1;
   else if (p.open_ns < 0) p.open_ns = p.now_ns;
   for (int i = 0; i < GV_FINGERS; i++) {
-    const double force_n = p.session.force_n[i], rise_n = force_n - p.force_n[i];
+    // A device that heard nothing for so long has let go.
+    const double before_n = dt_s >= GV_DEVICE_WATCHDOG_S ? 0.0 : p.force_n[i];
+    const double force_n = p.session.force_n[i], rise_n = force_n - before_n;
     REQUIRE(isfinite(force_n) && force_n >= 0.0 && force_n <= p.limiter.max_n);
     REQUIRE(fabs(msg.tension_n[i] - force_n) <= GV_TENSION_LSB_N);
     REQUIRE(rise_n <= p.limiter.slew_n_per_s * fmin(dt_s, 1.5e-9 * (double)period_ns) + ROUNDING_N || rise_n <= p.limiter.pretension_n);

@@ -22,7 +22,7 @@
 #include "support/check.h"
 #include "tools/fcusim/fault.h"
 
-enum { PERIOD_NS = 1000000, FRAMES = 256, TEXT = 16384, WARM_ROUNDS = 12, GARBAGE_EVERY = 400, LOOK_EVERY = 50 };
+enum { PERIOD_NS = 1000000, BETWEEN_NS = 1000 * PERIOD_NS, FRAMES = 256, TEXT = 16384, WARM_ROUNDS = 12, GARBAGE_EVERY = 400, LOOK_EVERY = 50 };
 // What may be in use after a round beyond what was after the warm-up: libconfig keeps the text that it was reading when a file ends
 // inside of it, up to so much a refused file (of ours nothing).
 enum { KEPT_A_FILE = 4096, DRIFT = 65536 };
@@ -81,11 +81,11 @@ static void write_scene(void) {
 
 static int load_scene(gv_world *out) {
   static const char *const known[] = {"data/scenes/box.scene", "data/scenes/frame.scene"};
-  if (chance(0.6)) return gv_world_load(out, known[any(2)], &s.settings.engine, err, sizeof err);
+  if (chance(0.6)) return gv_world_load(out, known[any(2)], NULL, &s.settings.engine, err, sizeof err);
   int descriptor;
   write_scene();
   const char *path = memory_file(text, strlen(text), &descriptor);
-  const int error = gv_world_load(out, path, &s.settings.engine, err, sizeof err);
+  const int error = gv_world_load(out, path, NULL, &s.settings.engine, err, sizeof err);
   close(descriptor);
   return error;
 }
@@ -166,7 +166,7 @@ static void read_garbage(void) {
   text[size] = '\0';
   if (kind == 3) error = gv_sim_script_parse(text, "garbage.user", &script, err, sizeof err);
   const char *path = memory_file(text, size, &descriptor);
-  if (kind == 0 && (error = gv_world_load(&world, path, &s.settings.engine, err, sizeof err)) == 0) gv_world_close(&world);
+  if (kind == 0 && (error = gv_world_load(&world, path, NULL, &s.settings.engine, err, sizeof err)) == 0) gv_world_close(&world);
   if (kind == 1) error = gv_settings_load(path, &settings, err, sizeof err);
   if (kind == 2) error = gv_calibration_load(path, &calibration, err, sizeof err);
   if (kind == 4 && (error = gv_trace_open(path, &trace, err, sizeof err)) == 0) trace.close(trace.self);
@@ -236,7 +236,9 @@ static void judge_force(const gv_frame *command) {
   if (lets) s.shut_ns = -1;
   else if (s.shut_ns < 0) s.shut_ns = s.now_ns;
   for (int i = 0; i < GV_FINGERS; i++) {
-    const double force_n = s.session.force_n[i], rise_n = force_n - s.force_n[i];
+    // A device that heard nothing for so long has let go: its force is none, whatever it was told before.
+    const double before_n = dt_s >= GV_DEVICE_WATCHDOG_S ? 0.0 : s.force_n[i];
+    const double force_n = s.session.force_n[i], rise_n = force_n - before_n;
     DEMAND(isfinite(force_n) && force_n >= 0.0 && force_n <= limiter->max_n, "%g N", force_n);
     DEMAND(rise_n <= limiter->slew_n_per_s * fmin(dt_s, 1e-9 * PERIOD_NS) + 1e-9 || force_n <= limiter->pretension_n, "rises by %g N in %g s", rise_n, dt_s);
     DEMAND(lets || rise_n <= 1e-9, "rises by %g N in state %s", rise_n, gv_safety_name(s.session.safety.state));
@@ -311,9 +313,10 @@ static void round_of(unsigned long long seed) {
   choose_user();
   gv_sim_init(&s.sim, &s.script, NULL, seed);
   gv_sim_start(&s.sim);
+  s.now_ns += BETWEEN_NS;  // another device: nothing comes while it is plugged in
   change_scene();
   for (int i = 0; !gv_sim_ended(&s.sim) && check_in_test == 0; i++) {
-    step(chance(0.0005) ? (unsigned)any(80) : 0);
+    step(chance(0.002) ? (unsigned)any(60) : 0);
     if (chance(0.002)) ask();
     if (i % LOOK_EVERY == 0) {
       judge_objects();
@@ -344,7 +347,7 @@ static double clock_s(void) {
 static void start(void) {
   gv_settings_default(&s.settings);
   const gv_session_config cfg = {.limiter = s.settings.limiter, .safety = s.settings.safety, .side = GV_RIGHT, .period_s = 1e-9 * PERIOD_NS};
-  if (gv_world_load(&s.world, "data/scenes/box.scene", &s.settings.engine, err, sizeof err) || gv_world_start(&s.world, &s.settings.engine)) {
+  if (gv_world_load(&s.world, "data/scenes/box.scene", NULL, &s.settings.engine, err, sizeof err) || gv_world_start(&s.world, &s.settings.engine)) {
     fprintf(stderr, "soak: %s\n", err);
     exit(2);
   }
