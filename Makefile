@@ -30,7 +30,7 @@ OBJ      = $(1:%.c=$(B)/%.o)
 LIB     := $(B)/libgloved.a
 
 RUN_PACKAGES  := gcc libc6-dev libode-dev libccd-dev liblcm-dev liblcm-bin libconfig-dev zlib1g-dev
-TEST_PACKAGES := $(RUN_PACKAGES) clang perl python3-venv can-utils glmark2-data valgrind
+TEST_PACKAGES := $(RUN_PACKAGES) clang perl python3-venv can-utils glmark2-data valgrind help2man pkg-config
 RT_PACKAGES   := qemu-system-x86 busybox-static cpio python3
 CAN_PACKAGES  := can-utils user-mode-linux kmod iproute2
 
@@ -64,7 +64,7 @@ test-view: build/.browser-packages build/venv-view/.done $(B)/gloved $(SCENE)
 ## plot: pictures and tables of a run: make plot LOG=FILE (written by gloved --log), or COMPARE="FILE FILE"
 plot: build/venv-plot/.done
 	$(Q)$(if $(LOG)$(COMPARE),,echo 'plot: say which: make plot LOG=FILE, written by gloved --log FILE' >&2; exit 2)
-	$(Q)build/venv-plot/bin/python tools/gloved-plot $(if $(COMPARE),--compare $(COMPARE),$(LOG))
+	$(Q)build/venv-plot/bin/python tools/gloved_plot.py $(if $(COMPARE),--compare $(COMPARE),$(LOG))
 build/venv-plot/.done: build/.run-packages
 	$(Q)tools/packages python3-venv
 	@echo "  VENV build/venv-plot"
@@ -108,7 +108,7 @@ pictures: build/.browser-packages build/venv-view/.done build/venv-plot/.done $(
 	$(Q)mkdir -p data/pictures
 	$(Q)B=$(B) build/venv-view/bin/python tools/pictures.py $(SCRIPT) $(SCENE) 6 data/pictures/grasp.png
 	$(Q)$(B)/gloved --fcu 'sim:data/scripts/power_box.user?speed=0' --lcm none --log build/power_box.lcm >/dev/null
-	$(Q)build/venv-plot/bin/python tools/gloved-plot build/power_box.lcm --out build/power_box-plots >/dev/null
+	$(Q)build/venv-plot/bin/python tools/gloved_plot.py build/power_box.lcm --out build/power_box-plots >/dev/null
 	$(Q)cp build/power_box-plots/force.png data/pictures/force.png
 build/venv-look/.done: build/.run-packages
 	$(Q)tools/packages python3-venv
@@ -286,7 +286,7 @@ build/.fuzz-packages: build/.run-packages
 build/venv/.ready: build/.test-packages
 	@echo "  VENV build/venv"
 	$(Q)python3 -m venv build/venv
-	$(Q)build/venv/bin/python -m pip install -q --disable-pip-version-check pytest cantools python-can lcm
+	$(Q)build/venv/bin/python -m pip install -q --disable-pip-version-check pytest cantools python-can lcm cffi setuptools
 	@touch $@
 
 $(B)/%.o: %.c | $(B)/gen/.done
@@ -349,6 +349,89 @@ $(B)/test/test_coulomb: LDFLAGS += -Wl,--wrap=gv_choice_solve
 $(TESTS:%=$(B)/test/%):
 	@mkdir -p $(@D)
 	$(Q)$(CC) $(LDFLAGS) $^ $(LDLIBS) -o $@
+
+# ---- installed ------------------------------------------------------------------------------------------
+PREFIX  ?= /usr/local
+PROGRAMS := gloved $(TOOLS)
+SCRIPTS  := gloved-plot gloved-scene gloved-shapes log-to-trace gloved-look
+# Engine, codecs and loaders alone: what other programs link. Only names with gv_ leave it.
+PUBLIC   := $(CORE) $(addprefix src/daemon/load/,conf.c config_load.c scene_load.c scene_check.c scene_friction.c settings_table.c)
+SONAME   := libgloved.so.0
+$(B)/lib/%.o: %.c | $(B)/gen/.done
+	@mkdir -p $(@D)
+	$(Q)$(CC) $(CFLAGS) -fPIC -c $< -o $@
+$(B)/lib/src/base/version.o: $(B)/gen/version.h
+$(B)/lib/libgloved.a: $(PUBLIC:%.c=$(B)/lib/%.o)
+	@echo "  LIB  $@"
+	$(Q)$(LD) -r $^ -o $(B)/lib/gloved.o
+	$(Q)objcopy --wildcard --keep-global-symbol='gv_*' $(B)/lib/gloved.o
+	$(Q)rm -f $@ && ar rcs $@ $(B)/lib/gloved.o
+$(B)/lib/$(SONAME): $(PUBLIC:%.c=$(B)/lib/%.o)
+	@echo "  LIB  $@"
+	$(Q)echo '{ global: gv_*; local: *; };' > $(B)/lib/exported
+	$(Q)$(CC) $(LDFLAGS) -shared -Wl,-soname,$(SONAME) -Wl,--version-script=$(B)/lib/exported -Wl,-z,defs $^ -lode -lccd -lconfig -lm -o $@
+## library: the engine for other programs: libgloved.a and .so under build/ (make install puts them in place)
+library: $(B)/lib/libgloved.a $(B)/lib/$(SONAME)
+
+# Manual pages from the programs' own --help.
+build/.man-packages: build/.run-packages
+	$(Q)tools/packages help2man
+	@touch $@
+$(B)/man/%.1: $(B)/% build/.man-packages
+	@mkdir -p $(@D)
+	$(Q)help2man --no-info --no-discard-stderr --name "$$(sed -n 's/^$* *//p' data/install/names)" --version-string '$* $(VERSION)' -o $@ $(B)/$*
+man: $(PROGRAMS:%=$(B)/man/%.1)
+
+SHARE := share/gloved
+put = install -D -m $1 $2 "$(DESTDIR)$(PREFIX)/$3"
+## install: programs, library, data, manual pages, service (PREFIX=/usr/local, DESTDIR=)
+install: $(PROGRAMS:%=$(B)/%) library man
+	$(Q)for p in $(PROGRAMS); do $(call put,755,$(B)/$$p,bin/$$p); $(call put,644,$(B)/man/$$p.1,share/man/man1/$$p.1); done
+	$(Q)for h in include/gloved/*.h; do $(call put,644,$$h,$$h); done
+	$(Q)$(call put,644,$(B)/lib/libgloved.a,lib/libgloved.a)
+	$(Q)$(call put,644,$(B)/lib/$(SONAME),lib/$(SONAME))
+	$(Q)ln -sf $(SONAME) "$(DESTDIR)$(PREFIX)/lib/libgloved.so"
+	$(Q)for f in $$(git ls-files data/scenes data/scripts data/lcm data/calibration data/examples data/viewer data/gloved.conf data/gloved.dbc 2>/dev/null || \
+	  find data/scenes data/scripts data/lcm data/calibration data/examples data/viewer data/gloved.conf data/gloved.dbc -type f); do \
+	  $(call put,644,$$f,$(SHARE)/$${f#data/}); done
+	$(Q)for f in tools/with-python tools/packages tools/mesh/*; do $(call put,755,$$f,lib/gloved/$$f); done
+	$(Q)for f in tools/*.py; do $(call put,644,$$f,lib/gloved/$$f); done
+	$(Q)for f in tools/version; do $(call put,755,$$f,lib/gloved/$$f); done; echo '$(VERSION)' > $(B)/version; $(call put,644,$(B)/version,lib/gloved/version)
+	$(Q)for s in $(SCRIPTS); do $(call put,755,tools/$$s,lib/gloved/tools/$$s); ln -sf ../lib/gloved/tools/$$s "$(DESTDIR)$(PREFIX)/bin/$$s"; done
+	$(Q)ln -sfn ../../$(SHARE) "$(DESTDIR)$(PREFIX)/lib/gloved/data"
+	$(Q)sed 's,@PREFIX@,$(PREFIX),;s,@VERSION@,$(VERSION),' data/install/gloved.pc > $(B)/gloved.pc
+	$(Q)$(call put,644,$(B)/gloved.pc,lib/pkgconfig/gloved.pc)
+	$(Q)sed 's,@PREFIX@,$(PREFIX),' data/install/gloved.service > $(B)/gloved.service
+	$(Q)$(call put,644,$(B)/gloved.service,lib/systemd/system/gloved.service)
+	$(Q)$(call put,644,data/install/gloved.rules,lib/udev/rules.d/70-gloved.rules)
+	$(Q)$(call put,644,data/install/gloved.sysusers,lib/sysusers.d/gloved.conf)
+	$(Q)$(call put,644,data/install/gloved.completion,share/bash-completion/completions/gloved)
+	$(Q)for p in $(filter-out gloved,$(PROGRAMS)); do ln -sf gloved "$(DESTDIR)$(PREFIX)/share/bash-completion/completions/$$p"; done
+
+## uninstall: removes what install put there (the same PREFIX and DESTDIR)
+uninstall:
+	$(Q)cd "$(DESTDIR)$(PREFIX)" && rm -rf $(PROGRAMS:%=bin/%) $(SCRIPTS:%=bin/%) $(PROGRAMS:%=share/man/man1/%.1) include/gloved lib/libgloved.a \
+	  lib/$(SONAME) lib/libgloved.so lib/gloved $(SHARE) lib/pkgconfig/gloved.pc lib/systemd/system/gloved.service \
+	  lib/udev/rules.d/70-gloved.rules lib/sysusers.d/gloved.conf $(PROGRAMS:%=share/bash-completion/completions/%)
+
+## dist: an archive of this version, with its commit in it: build/gloved-VERSION.tar.gz
+dist:
+	@mkdir -p build
+	$(Q)git describe --always --exclude='*' > build/.commit
+	$(Q)git archive --prefix=gloved-$(VERSION)/ --add-file=build/.commit -o build/gloved-$(VERSION).tar.gz HEAD
+	@echo build/gloved-$(VERSION).tar.gz
+
+## deb: packages for this Debian: gloved, libgloved0, libgloved-dev, under build/deb, looked at by lintian
+deb: build/.deb-packages dist
+	$(Q)rm -rf build/deb && mkdir -p build/deb
+	$(Q)tar -C build/deb -xzf build/gloved-$(VERSION).tar.gz
+	$(Q)cp -r data/install/debian build/deb/gloved-$(VERSION)/debian
+	$(Q)cd build/deb/gloved-$(VERSION) && dpkg-buildpackage -us -uc -b > ../log 2>&1 || { tail -n 20 ../log; exit 1; }
+	$(Q)cd build/deb && lintian --allow-root --fail-on error,warning gloved_$(VERSION)*.changes && ls *.deb
+build/.deb-packages: build/.run-packages
+	$(Q)tools/packages debhelper dpkg-dev fakeroot lintian help2man pkg-config
+	@touch $@
+.PHONY: library man install uninstall dist deb
 
 ## clean: remove what was built
 clean:

@@ -144,8 +144,6 @@ static void read_url(fastrak *d, const char *text, char *err, size_t err_size) {
   serial_url_finish(url, "serial:/dev/ttyUSB0?type=fastrak&baud=115200&hand=2&head=1&hemisphere=+x");
 }
 
-gv_pose gv_fastrak_upright(void) { return (gv_pose){{0, 1, 0, 0}, {0, 0, 0}}; }
-
 int gv_fastrak_open(const char *url, const gv_pose *T_world_tracker, gv_driver *out, char *err, size_t err_size) {
   fastrak *d = calloc(1, sizeof *d);
   if (!d) {

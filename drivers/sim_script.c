@@ -2,6 +2,7 @@
 // The scripted user: a text of postures and keyframes (format: sim.h), read in set-up, and what the user
 // means to do at a time: minimum-jerk curves 10 s^3 - 15 s^4 + 6 s^5 from keyframe to keyframe, the way
 // people reach (Flash and Hogan 1985), the orientation along the shortest arc.
+#include "gloved/drivers.h"
 #include "gloved/sim.h"
 
 #include <errno.h>
@@ -256,7 +257,9 @@ int gv_sim_script_parse(const char *text, const char *name, gv_sim_script *out, 
 }
 
 int gv_sim_script_load(const char *path, gv_sim_script *out, char *err, size_t err_size) {
-  FILE *file = fopen(path, "rb");
+  char found[4096];
+  gv_data_path(path, "scripts", ".user", found, sizeof found);
+  FILE *file = fopen(found, "rb");
   if (!file) {
     snprintf(err, err_size, "%s: %s; give a script such as data/scripts/power_box.user", path, strerror(errno));
     return -1;

@@ -15,6 +15,25 @@
 #include "gloved/sim.h"
 
 #include "fcusim/fault.h"
+#include "tools/program.h"
+
+static const char help_text[] =
+  "fcusim: a simulated force control unit with a scripted user, on the other end of gloved's wire, in real time.\n"
+  "\n"
+  "  --udp udp://HOST:PORT?listen=PORT   cannelloni v2 datagrams; or\n"
+  "  --can IFACE          a CAN interface\n"
+  "  --script FILE        what the user does (power_box; see data/scripts)\n"
+  "  --device best|real|NAME=VALUE       the device and its defects; again for each NAME (include/gloved/sim.h)\n"
+  "  --seed N             of the defects\n"
+  "  --wait S             start the script after S seconds (10) where no command comes before\n"
+  "  --duration S         end after S seconds; otherwise with the script\n"
+  "  --fault KIND@S       spoil device or link from S seconds of the script on\n"
+  "  --record FILE        every frame, sent and received, as a candump -L log\n"
+  "  --report FILE.json   what the device saw\n"
+  "  --forces FILE.csv    a line for each millisecond: what it heard and what its tendons pull\n"
+  "  --help, --version\n"
+  "\n"
+  "Exit codes: 0 done, 1 a command broke a limit or they came too slowly, 2 bad usage or input.\n";
 
 #include <errno.h>
 #include <inttypes.h>
@@ -50,12 +69,9 @@ static session all;          // static: no heap, zeroed
 static volatile sig_atomic_t interrupted;
 static void on_signal(int number) { (void)number; interrupted = 1; }
 
-static const char usage_text[] =
-  "usage: fcusim --udp udp://HOST:PORT?listen=PORT|--can IFACE [--script FILE] [--device best|real|NAME=VALUE] "
-  "[--seed N] [--wait S] [--duration S] [--fault KIND@S] [--record FILE] [--report FILE.json] [--forces FILE.csv]";
 
 static int usage(const char *what, const char *which) {
-  fprintf(stderr, "fcusim: %s%s; %s\n", what, which, usage_text);
+  fprintf(stderr, "fcusim: %s%s; see fcusim --help\n", what, which);
   return 2;
 }
 
@@ -256,8 +272,8 @@ static int write_report(const char *path, const gv_sim_report *r, const gv_drive
 
 int main(int argc, char **argv) {
   gv_keep_standard_files();
+  if (program_answers(argc, argv, help_text)) return 0;
   options o;
-  if (argc == 2 && strcmp(argv[1], "--help") == 0) return puts(usage_text) < 0;
   gv_about_now(&about);
   gv_about_command_line(argc, argv, about.command_line);
   int error = read_options(argc, argv, &o);

@@ -16,6 +16,17 @@
 
 #include "gloved/drivers.h"
 #include "gloved/fcu.h"
+#include "tools/program.h"
+
+static const char help_text[] =
+  "gateway: the side of a device that speaks another language; a reference to fill in (doc/gateway.md).\n"
+  "\n"
+  "  --udp udp://HOST:PORT?listen=PORT   cannelloni v2 datagrams; or\n"
+  "  --can IFACE          a CAN interface\n"
+  "  --duration S         end after S seconds\n"
+  "  --help, --version\n"
+  "\n"
+  "As it stands the device is none: a hand that bends its index finger onto a table every four seconds.\n";
 
 enum { PERIOD_NS = 1000000, WATCHDOG_NS = 5000000, RESTART_NS = 100000000, BUNDLE = 4, COMMANDS = 32, STATUS_EVERY = 20, RECEIVER_HAND = 2 };
 
@@ -137,11 +148,13 @@ static void run(double duration_s) {
 }
 
 static int usage(void) {
-  fprintf(stderr, "usage: gateway --udp udp://HOST:PORT?listen=PORT|--can IFACE [--duration S]\n");
+  fprintf(stderr, "gateway: give one of --udp and --can, and values to options; see gateway --help\n");
   return 2;
 }
 
 int main(int argc, char **argv) {
+  gv_keep_standard_files();
+  if (program_answers(argc, argv, help_text)) return 0;
   char url[300] = "", err[512] = "";
   double duration_s = 1e9;
   for (int i = 1; i + 1 < argc; i += 2) {

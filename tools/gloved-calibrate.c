@@ -20,6 +20,20 @@
 #include "daemon/load/calibrate.h"
 #include "daemon/load/devices.h"
 #include "gloved/fcu.h"
+#include "tools/program.h"
+
+static const char help_text[] =
+  "gloved-calibrate: walks a person through flat hand, fist and pinch, and writes the calibration of the glove.\n"
+  "\n"
+  "  --fcu URL            as of gloved: serial:DEVICE?type=cyberglove, udp:, can:, sim:SCRIPT, trace:FILE\n"
+  "  --out FILE           the calibration (glove.cal); one that is there becomes FILE.old\n"
+  "  --from FILE          whose slopes the sensors keep that no posture moves (the built-in one)\n"
+  "  --side right|left    hand (right)\n"
+  "  --auto               no questions: each new posture in which the hand rests is the next one\n"
+  "  --help, --version\n"
+  "\n"
+  "Name the file in the configuration as calibration.\n"
+  "Exit codes: 0 written, 1 refused (nothing written), 2 bad usage or input.\n";
 
 enum { FRAMES = 64, WAIT_S = 20, SILENCE_S = 3, TRIES = 3 };
 
@@ -206,10 +220,9 @@ static int finish(void) {
 
 // ---- command line ---------------------------------------------------------------------------------
 
-static const char usage_text[] = "usage: gloved-calibrate --fcu URL [--out FILE] [--from FILE] [--side right|left] [--auto]";
 
 static int usage(const char *what, const char *which) {
-  fprintf(stderr, "gloved-calibrate: %s%s; %s\n", what, which, usage_text);
+  fprintf(stderr, "gloved-calibrate: %s%s; see gloved-calibrate --help\n", what, which);
   return 2;
 }
 
@@ -291,7 +304,7 @@ static int calibrate(void) {
 
 int main(int argc, char **argv) {
   gv_keep_standard_files();
-  if (argc == 2 && strcmp(argv[1], "--help") == 0) return puts(usage_text) < 0;
+  if (program_answers(argc, argv, help_text)) return 0;
   int error = read_options(argc, argv);
   if (error) return error;
   if (gv_fcu_open(&all.settings, &all.driver, &all.pace, all.err, sizeof all.err)) {

@@ -11,6 +11,22 @@
 #include "daemon/loop/request.h"
 #include "gloved_command_t.h"
 #include "gloved_event_t.h"
+#include "tools/program.h"
+
+static const char help_text[] =
+  "gloved-command: one command to a running gloved over LCM, and its answer.\n"
+  "\n"
+  "  reset               objects back to their start; not while a force may flow\n"
+  "  scene FILE          another scene, FILE.scene at or below the daemon's directory; not while a force may flow\n"
+  "  coupling MULTIPLE   stiffness, 0.1 to 2 times the configured one\n"
+  "  friction MU         of the hand's skin, 0 to 2\n"
+  "  start-log FILE      a new LCM log in the daemon's directory\n"
+  "  stop-log\n"
+  "  disarm              no force until the dead-man switch was let go and pressed again\n"
+  "  trace 1|0           publish GLOVED_TRACE or not\n"
+  "  --help, --version\n"
+  "\n"
+  "LCM_DEFAULT_URL as gloved --lcm. Exit codes: 0 done, 1 refused or no answer, 2 bad usage. Nothing here arms.\n";
 
 enum { EVENT_COMMAND = 4, REFUSED = 256, ANSWER_S = 3, SCENE_S = 15 };  // a large scene takes seconds to load
 
@@ -26,16 +42,7 @@ static void on_event(const lcm_recv_buf_t *buffer, const char *channel, const gl
 }
 
 static int usage(void) {
-  fprintf(stderr,
-    "usage: gloved-command NAME [VALUE|FILE]   (LCM_DEFAULT_URL as gloved --lcm)\n"
-    "  reset               objects back to their start; not while a force may flow\n"
-    "  scene FILE          another scene, FILE.scene at or below the daemon's directory; not while a force may flow\n"
-    "  coupling MULTIPLE   stiffness, 0.1 to 2 times the configured one\n"
-    "  friction MU         of the hand's skin, 0 to 2\n"
-    "  start-log FILE      a new LCM log in the daemon's directory\n"
-    "  stop-log\n"
-    "  disarm              no force until the dead-man switch was let go and pressed again\n"
-    "  trace 1|0           publish GLOVED_TRACE or not\n");
+  fputs("gloved-command: no such command, or its argument is missing; see gloved-command --help\n", stderr);
   return 2;
 }
 
@@ -68,6 +75,7 @@ static int take_argument(gloved_command_t *command, char *argument) {
 
 int main(int argc, char **argv) {
   gv_keep_standard_files();
+  if (program_answers(argc, argv, help_text)) return 0;
   static char no_text[] = "";
   if (argc < 2 || argc > 3) return usage();
   gloved_command_t command = {.utime = (int64_t)time(NULL) * 1000000, .kind = (int8_t)find_kind(argv[1]), .text = no_text};

@@ -20,6 +20,13 @@
 #include "gloved_event_t.h"
 #include "gloved_state_t.h"
 #include "gloved_stats_t.h"
+#include "tools/program.h"
+
+static const char help_text[] =
+  "gloved-top: a running gloved on a terminal: forces, joint angles, contacts, timing, losses, events; q ends.\n"
+  "\n"
+  "  gloved-top [LCM-URL]   as of gloved --lcm\n"
+  "  --help, --version\n";
 
 enum { SCREEN_BYTES = 32768, LINE_MAX_BYTES = 512, EVENTS = 8, EVENT_BYTES = 160, DRAW_MS = 100, SHOWN_CONTACTS = 6 };
 
@@ -274,10 +281,11 @@ static void watch(top *t, lcm_t *lcm) {
 
 int main(int argc, char **argv) {
   gv_keep_standard_files();
+  if (program_answers(argc, argv, help_text)) return 0;
   static top t;
   t.url = argc > 1 ? argv[1] : getenv("LCM_DEFAULT_URL") ? getenv("LCM_DEFAULT_URL") : "udpm://239.255.76.67:7667?ttl=0";
   if (argc > 2 || t.url[0] == '-') {
-    fprintf(stderr, "usage: gloved-top [LCM-URL]   (as gloved --lcm; q ends)\n");
+    fprintf(stderr, "gloved-top: give one LCM-URL at most; see gloved-top --help\n");
     return 2;
   }
   if (!isatty(STDOUT_FILENO)) {

@@ -10,6 +10,7 @@
 
 #include "gloved/drivers.h"
 #include "trace/trace.h"
+#include "tools/program.h"
 
 static const char help[] =
   "gloved-trace: candump -L recordings of the glove's wire\n"
@@ -30,6 +31,7 @@ static const char help[] =
   "  gloved-trace align FILE -o FILE --rate HZ\n"
   "      Takes a log that candump made while gloved ran at HZ on the same CAN FD bus, and stamps each frame with the\n"
   "      step that took it, so that a replay ends with the state of that run, bit by bit.\n"
+  "  gloved-trace --help, --version\n"
   "Exit codes: 0 done, 1 nothing came or the log could not be written, 2 bad usage or bad input.\n";
 
 int trace_fail(int code, const char *format, ...) {
@@ -53,10 +55,7 @@ _Bool trace_number(const char *text, double lo, double hi, double *out) {
 int main(int argc, char **argv) {
   gv_keep_standard_files();
   const char *verb = argc > 1 ? argv[1] : "";
-  if (strcmp(verb, "--help") == 0 || strcmp(verb, "-h") == 0) {
-    fputs(help, stdout);
-    return EXIT_DONE;
-  }
+  if (program_answers(argc, argv, help)) return EXIT_DONE;
   if (strcmp(verb, "info") == 0) return trace_info(argc - 1, argv + 1);
   if (strcmp(verb, "import") == 0) return trace_import(argc - 1, argv + 1);
   if (strcmp(verb, "record") == 0) return trace_record(argc - 1, argv + 1);

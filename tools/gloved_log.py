@@ -8,7 +8,9 @@ import sys
 import lcm
 
 ROOT = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
-FOLDER = os.path.join(ROOT, "build", "types-python")
+INSTALLED = not os.path.exists(os.path.join(ROOT, "Makefile"))
+CACHE = os.path.join(os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache"), "gloved") if INSTALLED else os.path.join(ROOT, "build")
+FOLDER = os.path.join(CACHE, "types-python")
 TYPES = {"GLOVED_STATE": "state_t", "GLOVED_STATS": "stats_t", "GLOVED_EVENT": "event_t", "GLOVED_ABOUT": "about_t", "GLOVED_TRACE": "trace_t",
          "DRAKE_VIEWER_LOAD_ROBOT": "viewer_load_t", "DRAKE_VIEWER_DRAW": "viewer_draw_t"}
 

@@ -22,6 +22,26 @@
 #include "gloved/drivers.h"
 #include "drivers/serial_sim.h"
 #include "daemon/load/config_load.h"
+#include "tools/program.h"
+
+static const char help_text[] =
+  "serialsim: a simulated FASTRAK, CyberGlove or LucidGlove behind a pseudo-terminal, in real time.\n"
+  "\n"
+  "  serialsim fastrak|cyberglove|lucidglove [OPTION VALUE...]\n"
+  "  --script FILE        what the user does (power_box), over and over\n"
+  "  --device best|real|NAME=VALUE       the device and its defects (include/gloved/sim.h)\n"
+  "  --sensors 18|22      of the CyberGlove\n"
+  "  --seed N             of the defects\n"
+  "  --garbage P, --gap P chance per record;  --noise P  chance per byte\n"
+  "  --reset S            power off and on every S seconds\n"
+  "  --unplug S           the cable out every S seconds, for half a second\n"
+  "  --link PATH          a symbolic link to the terminal that stays the same\n"
+  "  --config FILE        where the tracker's transmitter stands (tracker_to_world)\n"
+  "  --duration S         end after S seconds\n"
+  "  --help, --version\n"
+  "\n"
+  "Prints the terminal's name, the DEVICE of gloved's URL serial:DEVICE?type=...\n"
+  "Exit codes: 0 done, 2 bad usage or input.\n";
 
 enum { PERIOD_NS = 1000000, OUT_NS = 500000000, BYTES = 4096 };
 
@@ -49,12 +69,9 @@ static void on_signal(int number) { (void)number; interrupted = 1; }
 
 // ---- command line ---------------------------------------------------------------------------------
 
-static const char usage_text[] =
-  "usage: serialsim fastrak|cyberglove|lucidglove [--script FILE] [--device best|real|NAME=VALUE] [--sensors 18|22] "
-  "[--seed N] [--garbage P] [--gap P] [--noise P] [--reset S] [--unplug S] [--link PATH] [--config FILE] [--duration S]";
 
 static int fail(const char *what, const char *which) {
-  fprintf(stderr, "serialsim: %s%s; %s\n", what, which, usage_text);
+  fprintf(stderr, "serialsim: %s%s; see serialsim --help\n", what, which);
   return 2;
 }
 
@@ -220,8 +237,8 @@ static void report(const serial_sim *s) {
 
 int main(int argc, char **argv) {
   gv_keep_standard_files();
+  if (program_answers(argc, argv, help_text)) return 0;
   options o;
-  if (argc == 2 && strcmp(argv[1], "--help") == 0) return puts(usage_text) < 0;
   int error = read_options(argc, argv, &o);
   if (error) return error;
   struct sigaction action;

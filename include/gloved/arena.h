@@ -7,6 +7,10 @@
 #include <stddef.h>
 #include <stdint.h>
 
+#ifdef __cplusplus
+extern "C" {
+#endif
+
 enum { GV_ARENA_BLOCKS = 32, GV_ARENA_ALIGN = 64 };
 
 typedef struct gv_arena_block {
@@ -29,5 +33,9 @@ typedef struct gv_arena {
 void gv_arena_init(gv_arena *arena, void *mem, size_t size);
 // A zeroed block, or null where it does not fit (and always in a dry run). Cost: the zeroing.
 void *gv_arena_alloc(gv_arena *arena, const char *name, size_t size);
+
+#ifdef __cplusplus
+}
+#endif
 
 #endif

@@ -10,6 +10,10 @@
 
 #include "gloved/force.h"
 
+#ifdef __cplusplus
+extern "C" {
+#endif
+
 // tension: a tendon pulls with it. brake: the number, 0..1 of a full brake, holds a finger that closes against it;
 // it cannot be felt by a finger that opens. Both only resist bending: never below 0.
 typedef enum gv_channel_kind { GV_CHANNEL_TENSION, GV_CHANNEL_BRAKE } gv_channel_kind;
@@ -41,5 +45,9 @@ double gv_channel_tension_n(const gv_channel *channel, int counts);
 // pretension. Returns
 // whether it changed anything.
 bool gv_channel_limit(const gv_channel *channel, gv_limiter_config *cfg);
+
+#ifdef __cplusplus
+}
+#endif
 
 #endif

@@ -7,10 +7,20 @@
 #include "gloved/frame.h"
 #include "gloved/hand.h"
 
+#ifdef __cplusplus
+extern "C" {
+#endif
+
 // ---- before anything is opened --------------------------------------------------------------------
 // Opens descriptors 0 to 2 onto /dev/null where the program was started without them, so that no device gets the
 // number that standard output is written to. First call in main.
 void gv_keep_standard_files(void);
+
+// ---- what comes with the programs -----------------------------------------------------------------
+// The file that a user means by `path`: itself where it is there; else "data/REST" or a bare name in the folder `kind`
+// ("scenes", "scripts"), with or without `ending` (".scene"), of $GLOVED_DATA, of ../share/gloved beside the program, or of
+// the clone that it was built in. True: out is a file that exists; false: out is `path`, for the error that names it.
+bool gv_data_path(const char *path, const char *kind, const char *ending, char *out, size_t size);
 
 // ---- cannelloni v2 over UDP -----------------------------------------------------------------------
 // What we send: one Ethernet datagram; at 5 bytes for an empty frame it never holds more than 293 frames. What we
@@ -132,5 +142,9 @@ gv_serial_report gv_serial_report_of(const gv_driver *serial);
 // Frames of both in the order of their stamps, POSE of the tracker alone; what is sent goes to the fcu. Ends
 // with the fcu. Takes both over: closing it closes them; on error both are closed already.
 int gv_pair_open(gv_driver fcu, gv_driver tracker, gv_driver *out, char *err, size_t err_size);
+
+#ifdef __cplusplus
+}
+#endif
 
 #endif

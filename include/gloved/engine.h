@@ -13,6 +13,10 @@
 #include "gloved/scene.h"
 #include "gloved/setting.h"
 
+#ifdef __cplusplus
+extern "C" {
+#endif
+
 typedef enum gv_rotation_law { GV_ROTATION_LOG, GV_ROTATION_PAPER } gv_rotation_law;
 // newton: ours, exact. dantzig: ODE's exact one, solved again until its friction is Coulomb's. quickstep: ODE's iterative
 // one. Where the one that was asked for has no answer within its share of the period, quickstep does the step.
@@ -188,5 +192,9 @@ double gv_engine_energy(const gv_engine *engine);
 void gv_engine_push_object(gv_engine *engine, int object, gv_vec3 f_world, gv_vec3 t_world);
 // Set an object's state (tests, scripted scenes). Not finite is ignored.
 void gv_engine_set_object(gv_engine *engine, int object, gv_pose T_world_body, gv_vec3 v, gv_vec3 w);
+
+#ifdef __cplusplus
+}
+#endif
 
 #endif

@@ -11,6 +11,10 @@
 #include "gloved/frame.h"
 #include "gloved/hand.h"
 
+#ifdef __cplusplus
+extern "C" {
+#endif
+
 enum {
   GV_ID_FORCE_COMMAND = 0x090, // engine -> device, FD 20 bytes, every period
   GV_ID_STATUS = 0x0A0,        // device -> engine, FD 20 bytes
@@ -131,5 +135,9 @@ typedef struct gv_classic_join {
 // 1: `out` is a whole message, stamped as its last frame, or the frame itself where it is no classic part.
 // 0: more frames are awaited. A damaged command comes out as it is, to be refused by its identifier.
 int gv_classic_take(gv_classic_join *join, const gv_frame *frame, gv_frame *out);
+
+#ifdef __cplusplus
+}
+#endif
 
 #endif

@@ -7,6 +7,10 @@
 #include "gloved/hand.h"
 #include "gloved/setting.h"
 
+#ifdef __cplusplus
+extern "C" {
+#endif
+
 // Tension of each finger's tendon, newtons, from the wrenches that the person's limbs should feel
 // (the opposite of the coupling's force and torque on the simulated limbs).
 // Joint torques tau_j = a_j . sum(t + (p_limb - p_j) x f) over the finger's flexion joints; a tendon along
@@ -49,5 +53,9 @@ void gv_limiter_init(gv_limiter *limiter, const gv_limiter_config *cfg);
 // always finite.
 unsigned gv_limiter_step(gv_limiter *limiter, const double desired_n[GV_FINGERS], bool enabled, double age_s,
                          double dt_s, double out_n[GV_FINGERS]);
+
+#ifdef __cplusplus
+}
+#endif
 
 #endif

@@ -8,6 +8,10 @@
 #include <stddef.h>
 #include <stdint.h>
 
+#ifdef __cplusplus
+extern "C" {
+#endif
+
 enum { GV_FRAME_FD = 1, GV_FRAME_BRS = 2, GV_FRAME_ESI = 4, GV_FRAME_EXTENDED = 8, GV_FRAME_REMOTE = 16, GV_FRAME_ERROR = 32 };
 
 typedef struct gv_frame {
@@ -52,5 +56,9 @@ typedef struct gv_driver {
 
 // Valid FD length that holds `len` bytes (9 -> 12); 0..64.
 uint8_t gv_frame_fd_length(uint8_t len);
+
+#ifdef __cplusplus
+}
+#endif
 
 #endif

@@ -16,6 +16,10 @@
 #include "gloved/limits.h"
 #include "gloved/math.h"
 
+#ifdef __cplusplus
+extern "C" {
+#endif
+
 typedef enum gv_side { GV_RIGHT = 0, GV_LEFT = 1 } gv_side;
 
 // Sensor order of the 22-sensor CyberGlove. MPJ PIJ DIJ: proximal, middle, distal joint flexion.
@@ -91,5 +95,9 @@ void gv_hand_joints(const gv_hand_model *model, const gv_pose *T_world_wrist, co
 // Both at the cost of one; either may be null.
 void gv_hand_pose(const gv_hand_model *model, const gv_pose *T_world_wrist, const double angle_rad[GV_SENSORS],
                   gv_pose out_T_world_limb[GV_LIMBS], gv_joint_axis out_joint[GV_SENSORS]);
+
+#ifdef __cplusplus
+}
+#endif
 
 #endif

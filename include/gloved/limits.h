@@ -5,6 +5,10 @@
 #ifndef GLOVED_LIMITS_H
 #define GLOVED_LIMITS_H
 
+#ifdef __cplusplus
+extern "C" {
+#endif
+
 enum {
   GV_SENSORS = 22,            // joint sensors of one glove (DESIGN.md, "Devices")
   GV_FINGERS = 5,             // force channels, thumb to little finger
@@ -25,5 +29,9 @@ enum {
   GV_MAX_FRICTION_PAIRS = 64, // of a scene; looked through for each pair of bodies in contact
   GV_MAX_NAME = 32            // bytes of an object's name with its final zero
 };
+
+#ifdef __cplusplus
+}
+#endif
 
 #endif

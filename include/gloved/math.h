@@ -10,6 +10,10 @@
 #include <math.h>
 #include <stdbool.h>
 
+#ifdef __cplusplus
+extern "C" {
+#endif
+
 #define GV_PI 3.14159265358979323846
 
 typedef struct gv_vec3 { double x, y, z; } gv_vec3;
@@ -177,5 +181,9 @@ static inline gv_vec3 gv_quat_log(gv_quat q) {
 }
 // Inverse of gv_quat_log.
 gv_quat gv_quat_exp(gv_vec3 rotation_rad);
+
+#ifdef __cplusplus
+}
+#endif
 
 #endif

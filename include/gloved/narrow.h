@@ -17,6 +17,10 @@
 
 #include "gloved/shape.h"
 
+#ifdef __cplusplus
+extern "C" {
+#endif
+
 typedef enum gv_narrow { GV_NARROW_CORE, GV_NARROW_LIBCCD } gv_narrow;
 
 enum {
@@ -107,5 +111,9 @@ int gv_polygon_depths(const gv_pair *pair, gv_vec3 normal_world, double margin, 
 // Support function h_S(d) of a shape (radius included): the farthest point along the direction d (any
 // length > 0), world frame. `hint` (may be null): start vertex for hill climbing, updated.
 gv_vec3 gv_support(const gv_shape *shape, const gv_pose *T_world_shape, gv_vec3 d_world, uint16_t *hint);
+
+#ifdef __cplusplus
+}
+#endif
 
 #endif

@@ -14,6 +14,10 @@
 
 #include "gloved/setting.h"
 
+#ifdef __cplusplus
+extern "C" {
+#endif
+
 typedef enum gv_safety_state {
   GV_SAFETY_START, GV_SAFETY_WAIT, GV_SAFETY_READY, GV_SAFETY_ARMED, GV_SAFETY_ACTIVE, GV_SAFETY_FAULT, GV_SAFETY_STOPPED
 } gv_safety_state;
@@ -73,5 +77,9 @@ static inline bool gv_safety_lets_force_out(const gv_safety *safety) {
 const char *gv_safety_name(gv_safety_state state);   // "start", "wait", ...
 // Text of the lowest set fault bit, e.g. "glove data too old".
 const char *gv_fault_text(uint32_t faults);
+
+#ifdef __cplusplus
+}
+#endif
 
 #endif

@@ -6,6 +6,10 @@
 
 #include "gloved/shape.h"
 
+#ifdef __cplusplus
+extern "C" {
+#endif
+
 // pyramid: Coulomb, at most mu x normal force (Eqn 9). fixed_limit: at most `mu` newtons, as ODE means Eqn 10.
 typedef enum gv_friction { GV_FRICTION_PYRAMID, GV_FRICTION_FIXED_LIMIT } gv_friction;
 
@@ -45,5 +49,9 @@ typedef struct gv_scene {
   int friction_pair_count;
   const gv_friction_pair *friction_pair; // [friction_pair_count] the first that fits counts
 } gv_scene;
+
+#ifdef __cplusplus
+}
+#endif
 
 #endif

@@ -8,6 +8,10 @@
 #include <stdbool.h>
 #include <stddef.h>
 
+#ifdef __cplusplus
+extern "C" {
+#endif
+
 typedef enum gv_setting_kind {
   GV_SETTING_NUMBER,   // double
   GV_SETTING_LENGTH,   // double in metres, millimetres in the file
@@ -40,5 +44,9 @@ double gv_setting_value(const gv_setting *setting, const void *configuration);
 // Whether all of it lies within the bounds (what is not finite does not). True for what is no number.
 bool gv_setting_sound(const gv_setting *setting, const void *configuration);
 bool gv_setting_laxer(const gv_setting *setting, const void *configuration, const void *defaults);
+
+#ifdef __cplusplus
+}
+#endif
 
 #endif

@@ -13,6 +13,10 @@
 #include "gloved/limits.h"
 #include "gloved/math.h"
 
+#ifdef __cplusplus
+extern "C" {
+#endif
+
 // A convex polyhedron, immutable after loading. Faces are planar polygons, counter-clockwise seen
 // from outside, coplanar triangles merged. All arrays are the owner's (usually an arena's).
 typedef struct gv_hull {
@@ -66,5 +70,9 @@ typedef struct gv_mass_properties { double volume; gv_vec3 center; gv_mat3 inert
 gv_mass_properties gv_hull_mass_properties(const gv_hull *hull);
 // Sum of several parts at the same density (parallel axes).
 gv_mass_properties gv_mass_properties_sum(const gv_mass_properties *parts, int count);
+
+#ifdef __cplusplus
+}
+#endif
 
 #endif

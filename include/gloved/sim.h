@@ -11,6 +11,10 @@
 #include "gloved/frame.h"
 #include "gloved/hand.h"
 
+#ifdef __cplusplus
+extern "C" {
+#endif
+
 enum {
   GV_SIM_KEYFRAMES = 256,    // of one script; 1 costs 256 B
   GV_SIM_POSTURES = 32,      // of one script; 1 costs 208 B
@@ -168,5 +172,9 @@ const gv_sim_report *gv_sim_report_of(const gv_sim *sim);
 // For tests and plots: actual joint angles (the intention plus what the tension held back), applied tension.
 void gv_sim_angles(const gv_sim *sim, double out_rad[GV_SENSORS]);
 const double *gv_sim_tension(const gv_sim *sim);
+
+#ifdef __cplusplus
+}
+#endif
 
 #endif

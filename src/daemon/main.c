@@ -44,6 +44,7 @@ typedef struct program {
   gv_session session;
   gv_loop loop;
   gv_view view;
+  gv_notify notify;
   char err[ERROR_TEXT];
 } program;
 
@@ -290,7 +291,7 @@ static int change_scene(program *p) {
 // 0 when it has ended, negative where it does not start.
 static int run_loop(program *p) {
   if (gv_loop_start(&p->loop) != 0) return -1;
-  const gv_listeners to = {p->telemetry, &p->recorder, p->black_box, &p->view};
+  const gv_listeners to = {p->telemetry, &p->recorder, p->black_box, &p->view, &p->notify};
   gv_slow_run(&p->loop, &to);
   gv_loop_join(&p->loop);
   return 0;
@@ -299,12 +300,15 @@ static int run_loop(program *p) {
 static int run(program *p) {
   start_loop(p);
   catch_signals();
+  gv_notify_open(&p->notify);
+  gv_notify_ready(&p->notify);
   gv_view_open(&p->view, p->settings.fcu, &p->world.scene, p->settings.limiter.max_n, p->pace == GV_PACE_FREE);
   int failed;
   do {
     failed = run_loop(p);
   } while (!failed && atomic_load(&p->loop.exit) == GV_EXIT_SCENE && (failed = change_scene(p)) == 0);
   alarm(0);
+  gv_notify_close(&p->notify);
   gv_view_close(&p->view);
   if (!failed && p->loop.strict_errno) {
     fprintf(stderr, "gloved: --strict: this kernel takes no list of system calls for a thread (seccomp: %s); start without --strict, "

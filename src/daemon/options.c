@@ -9,6 +9,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "gloved/drivers.h"
+
 typedef struct option_row {
   const char *name;
   const char **text;   // one of these three receives it
@@ -100,6 +102,8 @@ int gv_options_settings(const gv_options *options, gv_settings *out, char *err, 
   gv_settings_default(out);
   if (options->config && gv_settings_load(options->config, out, err, err_size)) return -1;
   set_text(out->scene, options->scene);
+  char found[GV_SETTING_TEXT];
+  if (gv_data_path(out->scene, "scenes", ".scene", found, sizeof found)) set_text(out->scene, found);
   set_text(out->fcu, options->fcu);
   set_text(out->tracker, options->tracker);
   set_text(out->lcm, options->lcm);

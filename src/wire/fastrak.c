@@ -3,6 +3,8 @@
 // a record takes 0.2 us (binary) to 0.5 us (ASCII).
 #include "wire/fastrak.h"
 
+#include "gloved/drivers.h"  // gv_fastrak_upright
+
 #include <stdio.h>
 #include <string.h>
 
@@ -231,3 +233,5 @@ bool gv_fastrak_find_refusal(const uint8_t *byte, int count) {
     if (memcmp(byte + i, mark, (size_t)n) == 0) return true;
   return false;
 }
+
+gv_pose gv_fastrak_upright(void) { return (gv_pose){{0, 1, 0, 0}, {0, 0, 0}}; }

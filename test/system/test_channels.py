@@ -464,7 +464,7 @@ def check_replay(folder):
         run = [GLOVED, "--scene", os.path.abspath("data/scenes/box.scene"), "--no-rt", "--lcm", "none", "--rate", str(rate)]
         subprocess.run(run + ["--fcu", "sim:press.user?device=real&late_chance=0.02", "--duration", "3", "--log", "live2.lcm", "--summary", "live.json"],
                        cwd=folder, stdout=subprocess.DEVNULL)
-        convert = subprocess.run([sys.executable, "tools/log-to-trace", folder + "/live2.lcm", folder + "/live2.log"], capture_output=True, text=True)
+        convert = subprocess.run([sys.executable, "tools/log_to_trace.py", folder + "/live2.lcm", folder + "/live2.log"], capture_output=True, text=True)
         subprocess.run(run + ["--fcu", "trace:live2.log?speed=0", "--summary", "replay.json"], cwd=folder, stdout=subprocess.DEVNULL)
         try:
             live, replay = (json.load(open(f"{folder}/{name}.json")) for name in ("live", "replay"))

@@ -32,7 +32,7 @@ def verdict(name, why):
 
 
 def plot(*arguments):
-    return subprocess.run([PYTHON, "tools/gloved-plot", *arguments], capture_output=True, text=True)
+    return subprocess.run([PYTHON, "tools/gloved_plot.py", *arguments], capture_output=True, text=True)
 
 
 def table(path):

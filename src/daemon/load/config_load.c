@@ -4,6 +4,8 @@
 // Main thread, before the loop starts.
 #include "daemon/load/config_load.h"
 
+#include "gloved/load.h"
+
 #include <stdio.h>
 #include <string.h>
 
@@ -156,6 +158,13 @@ int gv_settings_load(const char *path, gv_settings *out, char *err, size_t err_s
   if (unsound) gv_conf_fail(root.node, "the settings do not work together: %s is out of range; change it", unsound);
   gv_conf_close(&conf);
   return conf.failed ? -1 : 0;
+}
+
+int gv_config_load(const char *path, gv_config *out, char *err, size_t err_size) {
+  gv_settings settings;
+  if (gv_settings_load(path, &settings, err, err_size)) return -1;
+  *out = settings.engine;
+  return 0;
 }
 
 // ---- calibration ----------------------------------------------------------------------------------

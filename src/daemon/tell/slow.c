@@ -74,6 +74,7 @@ void gv_slow_run(gv_loop *loop, const gv_listeners *to) {
     empty_rings(loop, to);
     gv_telemetry_listen(to->telemetry, clock_ns());
     report_devices(loop, to->view, &devices_ns);
+    gv_notify_alive(to->notify, clock_ns(), atomic_load(&loop->step.count));
     nanosleep(&pause, NULL);
   }
   report_refusals(loop, &reported);

@@ -4,6 +4,7 @@
 #define GLOVED_PROCESS_SLOW_H
 
 #include "daemon/tell/black_box.h"
+#include "daemon/tell/notify.h"
 #include "daemon/tell/recorder.h"
 #include "daemon/tell/telemetry.h"
 #include "daemon/tell/view.h"
@@ -14,6 +15,7 @@ typedef struct gv_listeners {
   gv_recorder *recorder;
   gv_black_box *black_box;  // null: none
   gv_view *view;
+  gv_notify *notify;        // the service manager
 } gv_listeners;
 
 // Returns when the loop has ended and its rings are empty. Runs in the caller's thread (main).
