@@ -6,6 +6,8 @@
 #ifndef GLOVED_CSO_H
 #define GLOVED_CSO_H
 
+#include <assert.h>
+
 #include "gloved/narrow.h"
 
 typedef struct gv_core {  // a core (no sphere) placed in the frame of B
@@ -74,6 +76,7 @@ static inline bool gv_core_has_vertex(const gv_core *core, unsigned vertex) {
 
 // Corner k of the cache, where it is now; false where the shapes have no such vertices.
 static inline bool gv_cso_recall(const gv_cso *cso, int k, gv_cso_point *out) {
+  assert(k >= 0 && k < 3);
   uint16_t i = cso->cache->corner_a[k], j = cso->cache->corner_b[k];
   if (!gv_core_has_vertex(&cso->a, i) || !gv_core_has_vertex(&cso->b, j)) return false;
   gv_vec3 a = gv_core_vertex(&cso->a, i);

@@ -56,6 +56,7 @@ static double ask_beyond(search *s, const gv_polytope_face *F) {
 }
 
 static void keep_point(search *s) {
+  assert(s->count < GV_EPA_MAX_VERTICES);
   s->size = fmax(s->size, gv_norm(s->w[s->count]));
   s->count++;
 }

@@ -237,8 +237,12 @@ static void fit_polygons(builder *b) {
       f->reach = fmax(f->reach, gv_norm(gv_sub(p, f->corner)));
       f->reach = fmax(f->reach, gv_norm(gv_sub(q, f->corner)));
       f->reach = fmax(f->reach, gv_norm(gv_sub(r, f->corner)));
-      if (pass == 0) f->n = gv_add(f->n, gv_cross(gv_sub(q, p), gv_sub(r, p))), f->triangles++;
-      else f->offset += gv_dot(f->n, gv_add(gv_add(p, q), r)) / (3 * f->triangles);
+      if (pass == 0) {
+        f->n = gv_add(f->n, gv_cross(gv_sub(q, p), gv_sub(r, p)));
+        f->triangles++;
+      } else {
+        f->offset += gv_dot(f->n, gv_add(gv_add(p, q), r)) / (3 * f->triangles);
+      }
     }
     for (int f = 0; f < b->polygons; f++) b->side[f].n = gv_normalize_or(b->side[f].n, gv_v3(0, 0, 1));
   }
@@ -415,7 +419,8 @@ static void add_tetrahedron(gv_vec3 a, gv_vec3 b, gv_vec3 c, double *volume, gv_
   *first = gv_mad(*first, v / 4.0, sum);
   for (int i = 0; i < 3; i++)
     for (int k = 0; k < 3; k++)  // integral of x_i x_k = v / 20 (sum over corners + (sum)(sum))
-      second[i][k] += v / 20.0 * (p[0][i] * p[0][k] + p[1][i] * p[1][k] + p[2][i] * p[2][k] + p[3][i] * p[3][k]);
+      second[i][k] += v / 20.0 * (p[0][i] * p[0][k] + p[1][i] * p[1][k] +
+                                  p[2][i] * p[2][k] + p[3][i] * p[3][k]);
 }
 
 // Inertia m^2 about a point from the second moments about it: trace(S) 1 - S.
@@ -439,9 +444,11 @@ gv_mass_properties gv_hull_mass_properties(const gv_hull *hull) {
   for (int f = 0; f < hull->face_count; f++) {
     const uint16_t *c = &hull->face_vertex[hull->face_start[f]];
     int sides = hull->face_start[f + 1] - hull->face_start[f];
-    for (int k = 1; k + 1 < sides; k++)
-      add_tetrahedron(gv_sub(hull->vertex[c[0]], o), gv_sub(hull->vertex[c[k]], o), gv_sub(hull->vertex[c[k + 1]], o),
-                      &volume, &first, second);
+    const gv_vec3 corner = gv_sub(hull->vertex[c[0]], o);
+    for (int k = 1; k + 1 < sides; k++) {
+      const gv_vec3 from = gv_sub(hull->vertex[c[k]], o), to = gv_sub(hull->vertex[c[k + 1]], o);
+      add_tetrahedron(corner, from, to, &volume, &first, second);
+    }
   }
   gv_vec3 r = gv_scale(first, 1.0 / volume);
   const double d[3] = {r.x, r.y, r.z};
@@ -461,9 +468,12 @@ gv_mass_properties gv_mass_properties_sum(const gv_mass_properties *parts, int c
   for (int i = 0; i < count; i++) {
     gv_vec3 r = gv_sub(parts[i].center, sum.center);
     const double d[3] = {r.x, r.y, r.z}, share = parts[i].volume / sum.volume;
-    for (int j = 0; j < 3; j++)  // parallel axes
-      for (int k = 0; k < 3; k++)
-        sum.inertia.m[j][k] += share * (parts[i].inertia.m[j][k] + (j == k ? gv_norm2(r) : 0.0) - d[j] * d[k]);
+    for (int j = 0; j < 3; j++) {  // parallel axes
+      for (int k = 0; k < 3; k++) {
+        const double moved = (j == k ? gv_norm2(r) : 0.0);
+        sum.inertia.m[j][k] += share * (parts[i].inertia.m[j][k] + moved - d[j] * d[k]);
+      }
+    }
   }
   return sum;
 }

@@ -87,8 +87,8 @@ static gv_vec3 solve_edges(gv_simplex *s) {
   return v;
 }
 
-// libccd's answer for a triangle without height can lie centimetres outside: what counts is the point of the triangle
-// that its weights make, and where they make none, the nearest of the edges.
+// libccd's answer for a triangle without height can lie centimetres outside: what counts is the point of the
+// triangle that its weights make, and where they make none, the nearest of the edges.
 static gv_vec3 solve_triangle(gv_simplex *s) {
   ccd_vec3_t corner[3], nearest;
   gv_simplex carrying;

@@ -9,8 +9,6 @@
 // of B. Pure; any thread. Cost: 0.1 us beside the distance, 0.4 us for a limb along small faces.
 #include "collision/manifold.h"
 
-#include <assert.h>
-
 static const double opposite = -0.5;    // cosine of two normals: a turn by more than 120 degrees
 static const double same_gap = 1e-9;    // metres
 static const double same_place = 1e-5;  // metres: nearer contacts are one
@@ -70,7 +68,7 @@ static double spread_of(const gv_corner *kept, int count, gv_vec3 p) {
   return least;
 }
 
-// Is a corner the better next one, `kept` being there already? The deepest first, then the farthest from those.
+// Is corner a the better next one, `kept` being there? The deepest first, then the farthest from those.
 static bool is_better_next(const gv_manifold *m, int kept, const gv_corner *a, const gv_corner *b) {
   if (kept == 0) return a->gap < b->gap - same_gap;
   return spread_of(m->corner, kept, a->on_a) > 1.000001 * spread_of(m->corner, kept, b->on_a);

@@ -5,6 +5,8 @@
 // Pure, fixed memory; any thread. Cost of a point: about 20 ns per face that it sees.
 #include "collision/polytope.h"
 
+#include <assert.h>
+
 enum { DEAD, ALIVE, SEEN, NONE = 0xffff };
 
 static double distance_to_line2(gv_vec3 p, gv_vec3 a, gv_vec3 direction) {
@@ -161,6 +163,7 @@ static int count_free(const gv_polytope *P, int wanted) {
 }
 
 static uint16_t take_slot(gv_polytope *P) {
+  assert(P->free_head >= 0 || P->face_count < P->face_max);
   int f = P->free_head;
   if (f < 0) return (uint16_t)P->face_count++;
   P->free_head = P->face[f].adjacent[0] == NONE ? -1 : P->face[f].adjacent[0];
@@ -189,6 +192,7 @@ static void build_fan(gv_polytope *P, uint16_t point, int edges) {
 }
 
 bool gv_polytope_add(gv_polytope *P, uint16_t point, int seed) {
+  assert(seed >= 0 && gv_polytope_alive(P, seed));
   int edges, seen = find_seen(P, P->point[point], seed, &edges);
   bool fits = edges >= 3 && count_free(P, edges) + seen >= edges;
   bool possible = fits && is_one_loop(P, edges) && plan_fan(P, point, edges);

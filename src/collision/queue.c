@@ -25,6 +25,7 @@ static bool is_before(const gv_broad *broad, uint16_t i, uint16_t j) {
 }
 
 static void sift_down(gv_queue *queue, int at) {
+  assert(at >= 0 && at < GV_MAX_PAIRS);
   uint16_t *heap = queue->heap;
   const uint16_t moved = heap[at];
   for (int child = 2 * at + 1; child < queue->count; child = 2 * at + 1) {

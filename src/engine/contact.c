@@ -3,6 +3,7 @@
 // step's budget (collision/queue.h), and each point of their manifolds gets its friction, its direction of
 // predicted slip and its place in the list. Gaps that may close within the step count too: the solver lets
 // them close, not overshoot, so a limb stops on the surface and not a step's travel inside. Real-time thread.
+#include <assert.h>
 #include <limits.h>
 
 #include "engine/engine_state.h"
@@ -50,6 +51,7 @@ static void add_contact(gv_engine *e, const gv_candidate *pair, const rub *rubbi
   if (-k->depth > 0.5 * e->cfg.contact_margin_m + e->cfg.step_s * closing) return;
   const int i = contact_slot(e, k->depth);
   if (i < 0) return;
+  assert(i < GV_MAX_CONTACTS);
   gv_contact *told = &e->contact[i];
   told->limb = pair->body_a < GV_LIMBS ? pair->body_a : -1 - (pair->body_a - GV_LIMBS);
   told->object = pair->body_b - GV_LIMBS;
