@@ -137,6 +137,8 @@ int gv_options_settings(const gv_options *options, gv_settings *out, char *err, 
   }
   out->engine.period_s = 1.0 / out->rate_hz;
   const char *field = gv_config_check(&out->engine);
+  if (!field) field = gv_limiter_check(&out->limiter);
+  if (!field) field = gv_safety_check(&out->safety);
   if (!field) return 0;
   snprintf(err, err_size, "configuration: %s is not finite or out of range; correct it in %s", field,
            options->config ? options->config : "the defaults");
