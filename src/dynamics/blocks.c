@@ -58,16 +58,27 @@ bool gv_blocks_order(gv_blocks *b) {
     int i = least_degree(b, gone);
     b->order[k] = (uint8_t)i;
     b->place[i] = (uint8_t)k;
+    b->changed[i] = true;
     if (!eliminate_node(b, i, gone)) return false;
   }
   return true;
 }
 
-void gv_blocks_clear(gv_blocks *b, bool symmetric) {
+static void clear_block(gv_blocks *b, int i, int k, bool symmetric) {
   static const gv_block zero;
-  for (int i = 0; i < b->used; i++) {
-    b->block[i] = zero;
-    if (!symmetric) b->mirror[i] = zero;
+  *gv_blocks_at(b, i, k) = zero;
+  if (!symmetric) *gv_blocks_mirror(b, i, k) = zero;
+}
+
+void gv_blocks_clear(gv_blocks *b, bool symmetric) {
+  for (int n = 0; n < b->nodes; n++) {
+    const int i = b->order[n];
+    if (!b->changed[i]) continue;
+    clear_block(b, i, i, symmetric);
+    for (int k = 0; k < b->later_count[i]; k++) {
+      b->changed[b->later[i][k]] = true;
+      clear_block(b, i, b->later[i][k], symmetric);
+    }
   }
 }
 
@@ -140,20 +151,32 @@ static void update(gv_blocks *b, int i, int j, int k, bool symmetric) {
   gv_block_subtract_product(gv_blocks_mirror(b, j, k), gv_blocks_at(b, i, first), gv_blocks_mirror(b, i, second));
 }
 
-static bool eliminate(gv_blocks *b, int i, bool symmetric, gv_six x[]) {
+// What node i leaves on those of its later neighbours that change; all of them where it changed itself.
+static void update_later(gv_blocks *b, int i, bool symmetric, gv_six x[]) {
   const uint8_t *later = b->later[i];
   const int count = b->later_count[i];
+  for (int n = 0; n < count; n++)
+    if (b->changed[later[n]]) gv_six_subtract(x[later[n]].m, b->forward[i].m, 1, gv_blocks_mirror(b, i, later[n])->m, 6);
+  for (int n = 0; n < count; n++)
+    for (int m = n; m < count; m++)
+      if (b->changed[gv_blocks_first(b, later[n], later[m])]) {
+        update(b, i, later[n], later[m], symmetric);
+        b->work_done++;
+      }
+}
+
+static bool eliminate(gv_blocks *b, int i, bool symmetric, gv_six x[]) {
   gv_block *LU = gv_blocks_at(b, i, i);
   if (!gv_block_factor(LU)) return false;
   divide(b, i, symmetric);
-  gv_block_forward(LU, &x[i]);
-  for (int n = 0; n < count; n++) gv_six_subtract(x[later[n]].m, x[i].m, 1, gv_blocks_mirror(b, i, later[n])->m, 6);
-  for (int n = 0; n < count; n++)
-    for (int m = n; m < count; m++) update(b, i, later[n], later[m], symmetric);
+  b->work_done += 1 + b->later_count[i];
+  b->forward[i] = x[i];
+  gv_block_forward(LU, &b->forward[i]);
   return true;
 }
 
 static void substitute(gv_blocks *b, int i, gv_six x[]) {
+  x[i] = b->forward[i];
   for (int n = 0; n < b->later_count[i]; n++) {
     const int j = b->later[i][n];
     const gv_block *P = gv_blocks_at(b, i, j);
@@ -164,8 +187,13 @@ static void substitute(gv_blocks *b, int i, gv_six x[]) {
 }
 
 bool gv_blocks_solve(gv_blocks *b, bool symmetric, gv_six io_x[]) {
-  for (int k = 0; k < b->nodes; k++)
-    if (!eliminate(b, b->order[k], symmetric, io_x)) return false;
+  b->work_done = 0;
+  for (int k = 0; k < b->nodes; k++) {
+    const int i = b->order[k];
+    if (b->changed[i] && !eliminate(b, i, symmetric, io_x)) return false;
+    update_later(b, i, symmetric, io_x);
+  }
   for (int k = b->nodes - 1; k >= 0; k--) substitute(b, b->order[k], io_x);
+  memset(b->changed, 0, sizeof b->changed);
   return true;
 }

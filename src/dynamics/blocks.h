@@ -17,13 +17,16 @@ typedef struct gv_six { double m[6]; } gv_six;  // of one body: linear, then ang
 
 typedef struct gv_blocks {
   int nodes, used;                       // blocks that are taken
-  int work;                              // block operations of a solution
+  int work;                              // block operations of a solution where everything changes
+  int work_done;                         // of the last solution
   bool full;
   uint8_t order[GV_NODES];               // of elimination
   uint8_t place[GV_NODES];               // of a node in it
   uint8_t later[GV_NODES][GV_NODES];     // the neighbours that are eliminated after a node
   uint8_t later_count[GV_NODES];
   uint8_t degree[GV_NODES];
+  bool changed[GV_NODES];                // since the last solution: its row of blocks is assembled and eliminated anew
+  gv_six forward[GV_NODES];              // right-hand side of a node after elimination, L^-1 of it
   uint16_t at[GV_NODES][GV_NODES];       // the block of two nodes, 1 + its number; 0: none
   gv_block block[GV_BLOCKS];             // of two nodes: rows belong to the one that goes first
   gv_block mirror[GV_BLOCKS];            // the same below the diagonal, transposed; where the matrix is symmetric, not used
@@ -35,7 +38,11 @@ void gv_blocks_begin(gv_blocks *b, int nodes);
 void gv_blocks_link(gv_blocks *b, int i, int k);
 bool gv_blocks_order(gv_blocks *b);
 
-// All blocks zero; then add to them.
+// A node whose diagonal, right-hand side, or block with a node that goes later will be another one in the next solution.
+// After gv_blocks_order all are.
+static inline void gv_blocks_change(gv_blocks *b, int node) { b->changed[node] = true; }
+// Marks what follows from nodes that change, those that are eliminated after them and have a block in common, and makes
+// the blocks of all these nodes with themselves and later ones zero: add to them, and to no others.
 void gv_blocks_clear(gv_blocks *b, bool symmetric);
 // The block of two linked nodes, or of one with itself, and its mirror image. Rows belong to whichever of the two goes first.
 static inline gv_block *gv_blocks_at(gv_blocks *b, int i, int k) { return &b->block[b->at[i][k] - 1]; }
@@ -75,7 +82,8 @@ void gv_block_subtract_product(gv_block *out, const gv_block *p, gv_block *q);
 void gv_block_forward(const gv_block *LU, gv_six *x);
 void gv_block_back(const gv_block *LU, gv_six *x);
 
-// Solves for x in place of the right-hand side; the matrix is used up. False where a pivot is zero.
+// Solves for x in place of the right-hand side, of which those of nodes that did not change are not read: their
+// elimination is kept from the solution before. False where a pivot is zero; then all nodes have to change.
 bool gv_blocks_solve(gv_blocks *b, bool symmetric, gv_six io_x[]);
 
 #endif

@@ -60,7 +60,7 @@ static const stage programme[] = {
   {0.33, 1e1, 8, FROM_STAGE_BEFORE, false},
   {0.33, 1, 8, FROM_STAGE_BEFORE, false},
 };
-enum { STAGES = sizeof programme / sizeof programme[0], LEAST_SOLVES = 12, MOST_SOLVES = 100 };
+enum { STAGES = sizeof programme / sizeof programme[0], MOST_SOLVES = 100 };
 
 // ---- where to begin -------------------------------------------------------------------------------
 
@@ -217,11 +217,18 @@ static void begin_next_step_here(gv_newton *s) {
 
 // ---- the programme --------------------------------------------------------------------------------
 
+// Of one solution, seconds, as measured: a contact, one whose mode changed, and a block operation.
+static double solve_cost_s(int contacts, int changed, int block_operations) {
+  return 3e-8 * contacts + 7e-8 * changed + 8e-8 * block_operations;
+}
+
+// The first solution of a stage is the dearest, where everything changes: none is begun that would not fit.
 static bool solve_within_budget(gv_newton *s, double softening) {
-  if (s->solves_left <= 0) return false;
-  s->solves_left--;
+  if (s->solves >= MOST_SOLVES || s->time_left_s < solve_cost_s(s->count, s->count, s->blocks.work)) return false;
   s->solves++;
-  return gv_newton_solve(s, softening);
+  const bool solved = gv_newton_solve(s, softening);
+  s->time_left_s -= solve_cost_s(s->count, s->changed, s->blocks.work_done);
+  return solved;
 }
 
 // Next modes where the stage's own steps lead. Returns the merit, of damped stages.
@@ -271,31 +278,22 @@ static gv_outcome run_programme(gv_newton *s) {
   }
   if (!(s->softening > 0.0)) return GV_OUTCOME_NONE;
   for (int i = 0; i < s->count; i++) s->contact[i].mode = s->kept[i];
-  s->solves_left++;
   gv_newton_change_all(s);
-  return solve_within_budget(s, s->softening) ? GV_OUTCOME_SOFTENED : GV_OUTCOME_NONE;
+  return gv_newton_solve(s, s->softening) ? GV_OUTCOME_SOFTENED : GV_OUTCOME_NONE;
 }
 
 // ---- the answer -----------------------------------------------------------------------------------
-
-// As many linear solves as fit into the budget; as measured, 0.1 us a contact and 0.08 us a block operation each. None
-// where too few fit to be worth a try.
-static int count_solves(const gv_newton *s, const gv_problem *problem) {
-  const double solve_s = 1e-7 * s->count + 8e-8 * s->blocks.work;
-  const int fit = (int)fmin(problem->budget_s / fmax(solve_s, 1e-6), MOST_SOLVES);
-  return fit < LEAST_SOLVES ? 0 : fit;
-}
 
 static gv_outcome solve(void *memory, const gv_problem *problem, gv_velocity out_velocity[], gv_vec3 out_impulse[]) {
   gv_newton *s = memory;
   assert(problem->contact_count <= GV_MAX_CONTACTS && problem->body_count <= GV_BODIES);
   if (!gv_newton_set_up(s, problem)) return GV_OUTCOME_NONE;
   s->solves = 0;
-  s->solves_left = count_solves(s, problem);
+  s->time_left_s = problem->budget_s;
   choose_start(s);
   const gv_outcome outcome = run_programme(s);
-  if (outcome == GV_OUTCOME_NONE || !gv_newton_tell(s, problem, out_velocity)) return GV_OUTCOME_NONE;
   keep_guess(s);
+  if (outcome == GV_OUTCOME_NONE || !gv_newton_tell(s, problem, out_velocity)) return GV_OUTCOME_NONE;
   for (int i = 0; i < s->count; i++) out_impulse[i] = s->contact[i].impulse;
   return outcome;
 }

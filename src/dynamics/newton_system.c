@@ -277,20 +277,25 @@ static void add_coupling(gv_newton *s, const gv_newton_contact *c, bool symmetri
   if (!symmetric) add_stiffness(gv_blocks_mirror(&s->blocks, c->node_a, c->node_b), &NT, row, column);
 }
 
+static bool changes(const gv_newton *s, int node) { return node >= 0 && s->blocks.changed[node]; }
+
 static void add_contact(gv_newton *s, const gv_newton_contact *c, bool symmetric) {
+  if (!changes(s, c->node_a) && !changes(s, c->node_b)) return;
   const gv_vec3 x = first_impulse(c);
-  if (c->node_a >= 0) {
+  if (changes(s, c->node_a)) {
     add_stiffness(gv_blocks_at(&s->blocks, c->node_a, c->node_a), &c->stiffness, c->arm_a, c->arm_a);
     add_row(s->dv[c->node_a].m, x, c->arm_a);
   }
-  if (c->node_b < 0) return;
-  add_stiffness(gv_blocks_at(&s->blocks, c->node_b, c->node_b), &c->stiffness, c->arm_b, c->arm_b);
-  add_row(s->dv[c->node_b].m, gv_neg(x), c->arm_b);
-  if (c->node_a >= 0) add_coupling(s, c, symmetric);
+  if (changes(s, c->node_b)) {
+    add_stiffness(gv_blocks_at(&s->blocks, c->node_b, c->node_b), &c->stiffness, c->arm_b, c->arm_b);
+    add_row(s->dv[c->node_b].m, gv_neg(x), c->arm_b);
+  }
+  if (c->node_a < 0 || c->node_b < 0) return;
+  if (changes(s, gv_blocks_first(&s->blocks, c->node_a, c->node_b))) add_coupling(s, c, symmetric);
 }
 
 static void add_limb(gv_newton *s, const gv_newton_limb *limb) {
-  if (limb->other < 0) return;
+  if (!changes(s, limb->other)) return;
   gv_block *H = gv_blocks_at(&s->blocks, limb->other, limb->other);
   double *right = s->dv[limb->other].m;
   for (int r = 0; r < 6; r++) {
@@ -306,11 +311,15 @@ static bool is_symmetric(const gv_newton *s) {
 }
 
 static void update_stiffnesses(gv_newton *s, double softening) {
+  s->changed = 0;
   for (int i = 0; i < s->count; i++) {
     gv_newton_contact *c = &s->contact[i];
     if (!c->changed) continue;
     c->changed = false;
+    s->changed++;
     if (c->limb >= 0) s->limb[c->limb].changed = true;
+    if (c->limb < 0) gv_blocks_change(&s->blocks, c->node_a);
+    if (c->node_b >= 0) gv_blocks_change(&s->blocks, c->node_b);
     if (c->mode.state != GV_NEWTON_OPEN) c->stiffness = gv_newton_stiffness(c, softening);
   }
 }
@@ -318,6 +327,7 @@ static void update_stiffnesses(gv_newton *s, double softening) {
 static bool assemble(gv_newton *s, bool symmetric) {
   gv_blocks_clear(&s->blocks, symmetric);
   for (int n = 0; n < s->blocks.nodes; n++) {
+    if (!s->blocks.changed[n]) continue;
     set_mass(gv_blocks_at(&s->blocks, n, n), &s->node[n]);
     s->dv[n] = (gv_six){{0}};
   }
