@@ -222,6 +222,8 @@ static double solve_cost_s(int contacts, int changed, int block_operations) {
   return 3e-8 * contacts + 7e-8 * changed + 8e-8 * block_operations;
 }
 
+static double set_up_cost_s(int contacts) { return 1e-6 + 6e-8 * contacts; }
+
 // The first solution of a stage is the dearest, where everything changes: none is begun that would not fit.
 static bool solve_within_budget(gv_newton *s, double softening) {
   if (s->solves >= MOST_SOLVES || s->time_left_s < solve_cost_s(s->count, s->count, s->blocks.work)) return false;
@@ -289,7 +291,7 @@ static gv_outcome solve(void *memory, const gv_problem *problem, gv_velocity out
   assert(problem->contact_count <= GV_MAX_CONTACTS && problem->body_count <= GV_BODIES);
   if (!gv_newton_set_up(s, problem)) return GV_OUTCOME_NONE;
   s->solves = 0;
-  s->time_left_s = problem->budget_s;
+  s->time_left_s = problem->budget_s - set_up_cost_s(s->count);
   choose_start(s);
   const gv_outcome outcome = run_programme(s);
   keep_guess(s);
