@@ -259,6 +259,10 @@ static void test_lcm_route(void) {
   fails("LCM route", "/proc/net/route", ROUTE "eth0\t000200C0\t00000000\t0001\t0\t0\t0\t00FFFFFF\t0\t0\t0\n");
   fails("LCM route", "/proc/net/route",
         ROUTE "lo\t000000E0\t00000000\t0000\t0\t0\t0\t000000F0\t0\t0\t0\n"); // not up
+  // The narrower route counts, whatever their order.
+  passes("LCM route", "/proc/net/route",
+         ROUTE "lo\t000000E0\t00000000\t0001\t0\t0\t0\t000000F0\t0\t0\t0\n"
+               "eth0\t00000000\t010200C0\t0003\t0\t0\t0\t00000000\t0\t0\t0\n");
   snprintf(settings.lcm, sizeof settings.lcm, "none");
   passes("LCM route", "/proc/net/route", ROUTE);
 }

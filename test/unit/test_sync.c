@@ -149,6 +149,14 @@ static void test_frames_that_stay_away_are_told_and_time_goes_on(void) {
         o.steps - o.on_frame);
 }
 
+static void test_a_frame_before_the_window_was_late_for_the_step_before(void) {
+  gv_sync sync;
+  gv_sync_init(&sync, PERIOD);
+  const int64_t due_ns = 10 * PERIOD;
+  CHECK(gv_sync_follow(&sync, due_ns, due_ns - PERIOD * 6 / 10) > due_ns, "the clock waits for it");
+  CHECK(gv_sync_follow(&sync, due_ns, due_ns - PERIOD * 4 / 10) < due_ns, "one inside the window was early");
+}
+
 int main(void) {
   RUN(test_every_frame_of_a_good_device_begins_a_step);
   RUN(test_a_drifting_device_is_followed);
@@ -157,5 +165,6 @@ int main(void) {
   RUN(test_a_slow_device_leaves_the_rate_to_the_clock);
   RUN(test_a_fast_device_does_not_hasten_the_simulation);
   RUN(test_frames_that_stay_away_are_told_and_time_goes_on);
+  RUN(test_a_frame_before_the_window_was_late_for_the_step_before);
   return check_done();
 }

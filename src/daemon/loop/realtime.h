@@ -11,8 +11,8 @@
 typedef struct gv_realtime_config {
   int priority;     // SCHED_FIFO 1..99; 0: the ordinary scheduler
   bool lock_memory; // mlockall
-  bool stay_awake; // hold /dev/cpu_dma_latency at zero: processors do not sleep deeply while the program runs
-  int cpu;         // core to run on; or one of:
+  bool stay_awake;  // hold /dev/cpu_dma_latency at zero: no core sleeps deeply while the program runs
+  int cpu;          // core to run on; or one of:
 } gv_realtime_config;
 
 enum {
@@ -27,11 +27,9 @@ typedef enum gv_refusal { // bits
   GV_REFUSED_AWAKE = 1 << 3
 } gv_refusal;
 
-enum {
-  GV_REALTIME_STACK =
-      2 << 20, // bytes of stack that the loop's thread has (thread-local data lies in it, too),
-  GV_REALTIME_STACK_TOUCHED = 1 << 19
-}; // and how many it touches beforehand; a step uses below 96 kB
+// Bytes of stack that the loop's thread has (thread-local data lies in it, too), and how many of them it touches
+// beforehand; a step uses below 96 kB.
+enum { GV_REALTIME_STACK = 2 << 20, GV_REALTIME_STACK_TOUCHED = 1 << 19 };
 
 // Whole process, before the loop's thread starts: touches all code and data that is mapped, locks memory, and
 // keeps the processors awake until the process ends. Returns gv_refusal bits.
