@@ -39,6 +39,9 @@ static void on_event(const lcm_recv_buf_t *buffer, const char *channel, const gl
   a->came = true;
   a->refused = (event->bits & REFUSED) != 0;
   snprintf(a->text, sizeof a->text, "%s", event->text);
+  // From the network: nothing that a terminal obeys.
+  for (char *c = a->text; *c; c++)
+    if ((unsigned char)*c < ' ' || (unsigned char)*c >= 127) *c = '?';
 }
 
 static int usage(void) {

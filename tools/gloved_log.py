@@ -2,6 +2,7 @@
 """An LCM log of gloved, decoded. The types are made by lcm-gen from data/lcm into build/types-python."""
 import glob
 import os
+import struct
 import subprocess
 import sys
 
@@ -33,7 +34,7 @@ class Log:
     """Messages of a log by channel, in order."""
 
     def __init__(self, path):
-        self.path, self.raw = path, []
+        self.path, self.raw, self.damaged = path, [], 0
         try:
             self.raw = [(event.channel, event.timestamp, event.data) for event in lcm.EventLog(path)]
         except OSError as error:
@@ -44,4 +45,13 @@ class Log:
     def of(self, channel):
         """Every message of one channel."""
         kind = getattr(types(), TYPES[channel])
-        return [kind.decode(data) for name, _, data in self.raw if name == channel]
+        messages = []
+        for name, _, data in self.raw:
+            if name != channel:
+                continue
+            try:
+                messages.append(kind.decode(data))
+            except (ValueError, IndexError, UnicodeDecodeError, struct.error, TypeError, MemoryError):
+                self.damaged += 1
+                print(f"{os.path.basename(sys.argv[0])}: {self.path}: a damaged message of {channel} is left out", file=sys.stderr)
+        return messages

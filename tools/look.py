@@ -6,7 +6,9 @@ interrupted. LCM_DEFAULT_URL says where to listen."""
 import argparse
 import http.server
 import json
+import math
 import os
+import struct
 import threading
 
 import lcm
@@ -15,7 +17,27 @@ import gloved_log
 
 VIEWER = os.path.join(gloved_log.ROOT, "data", "viewer")
 FINGERS = ("thumb", "index", "middle", "ring", "little")
+LOCAL = ("localhost", "127.0.0.1", "::1")
 SAFETY = ("start", "wait", "ready", "armed", "active", "fault", "stopped")
+
+
+def finite(content):
+    """What JSON can say: a number that is none becomes null."""
+    if isinstance(content, float):
+        return content if math.isfinite(content) else None
+    if isinstance(content, dict):
+        return {key: finite(value) for key, value in content.items()}
+    return [finite(value) for value in content] if isinstance(content, (list, tuple)) else content
+
+
+def careful(take):
+    """A message that does not decode, or says what cannot be, is left out."""
+    def taken(self, channel, data):
+        try:
+            take(self, channel, data)
+        except (ValueError, IndexError, UnicodeDecodeError, struct.error, TypeError, MemoryError, AttributeError):
+            self.damaged += 1
+    return taken
 
 
 class Picture:
@@ -23,27 +45,30 @@ class Picture:
 
     def __init__(self):
         self.changed = threading.Condition()
-        self.event, self.number, self.raw_load, self.states = {}, {}, None, 0
+        self.event, self.number, self.raw_load, self.states, self.damaged = {}, {}, None, 0, 0
 
     def put(self, kind, content):
         with self.changed:
-            self.event[kind] = json.dumps(content, separators=(",", ":"))
+            self.event[kind] = json.dumps(finite(content), separators=(",", ":"), allow_nan=False)
             self.number[kind] = self.number.get(kind, 0) + 1
             self.changed.notify_all()
 
+    @careful
     def on_load(self, _, data):
         if data == self.raw_load:  # once a second, always the same
             return
-        self.raw_load = data
         links = gloved_log.types().viewer_load_t.decode(data).link
+        self.raw_load = data
         self.put("load", [{"name": link.name, "geometry": [
             {"type": g.type, "position": g.position, "quaternion": g.quaternion, "color": g.color, "numbers": g.float_data} for g in link.geom]}
             for link in links])
 
+    @careful
     def on_draw(self, _, data):
         draw = gloved_log.types().viewer_draw_t.decode(data)
         self.put("draw", [[round(x, 6) for x in (*p, *q)] for p, q in zip(draw.position, draw.quaternion)])
 
+    @careful
     def on_state(self, _, data):
         self.states += 1
         if self.states % 5:
@@ -63,7 +88,29 @@ class Picture:
 class Page(http.server.BaseHTTPRequestHandler):
     picture = Picture()
 
+    names = ()  # that this server is called by; empty: any
+
+    def is_for_us(self):
+        """A page of somebody else's that has its name point here (DNS rebinding) comes with that name as Host."""
+        host = self.headers.get("Host", "").lower()
+        host = host[1:].split("]")[0] if host.startswith("[") else host.split(":")[0]
+        if not self.names or host in self.names:
+            return True
+        self.send_error(421, "this server is not called that; open http://localhost")
+        return False
+
+    def do_HEAD(self):
+        if not self.is_for_us():
+            return
+        kind = {"/": "text/html; charset=utf-8", "/events": "text/event-stream"}.get(self.path)
+        if kind:
+            self.answer(kind)
+        else:
+            self.send_error(404)
+
     def do_GET(self):
+        if not self.is_for_us():
+            return
         if self.path == "/":
             self.answer("text/html; charset=utf-8")
             with open(os.path.join(VIEWER, "look.html"), "rb") as file:
@@ -86,8 +133,12 @@ class Page(http.server.BaseHTTPRequestHandler):
             with open(os.path.join(VIEWER, "viewer.json"), encoding="utf-8") as file:
                 self.say("camera", json.dumps(json.load(file)))
             while True:
-                for kind, text in self.picture.wait(seen):
+                fresh = self.picture.wait(seen)
+                for kind, text in fresh:
                     self.say(kind, text)
+                if not fresh:  # a page that was closed is found out by writing to it
+                    self.wfile.write(b": still here\n\n")
+                    self.wfile.flush()
         except OSError:
             pass  # the page was closed
 
@@ -117,6 +168,8 @@ def main():
     except OSError as error:
         raise SystemExit(f"look: port {args.port}: {error.strerror}; choose another with --port")
     server.daemon_threads = True
+    if args.host in LOCAL:
+        Page.names = LOCAL
     threading.Thread(target=server.serve_forever, daemon=True).start()
     print(f"viewer: open http://localhost:{args.port}", flush=True)
     try:

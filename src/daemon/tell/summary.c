@@ -121,14 +121,17 @@ int gv_summary_json(const gv_summary *s, FILE *out) {
   return ferror(out) ? -1 : 0;
 }
 
+// Millimetres, rounded to tenths; nothing is "-0.0".
+static double tenths_mm(double metres) { return round(metres * 1e4) / 10.0 + 0.0; }
+
 static void print_objects(const gv_summary *s, FILE *out) {
   for (int i = 0; i < s->scene->object_count; i++) {
     const gv_object *object = &s->scene->object[i];
     if (object->is_static) continue;
     const gv_pose T = gv_snapshot_object_pose(object, gv_engine_object_pose(s->loop->session->engine, i));
     const gv_pose T_start = gv_snapshot_object_pose(object, object->T_world_body);
-    fprintf(out, "  %s ends at %.1f %.1f %.1f mm, %.1f mm above its start\n", object->name, T.p.x * 1e3, T.p.y * 1e3,
-            T.p.z * 1e3, (T.p.z - T_start.p.z) * 1e3);
+    fprintf(out, "  %s ends at %.1f %.1f %.1f mm, %.1f mm above its start\n", object->name, tenths_mm(T.p.x), tenths_mm(T.p.y),
+            tenths_mm(T.p.z), tenths_mm(T.p.z - T_start.p.z));
   }
 }
 

@@ -30,6 +30,7 @@ static void put_head(screen *out, const gv_view *view, const gv_loop *loop, cons
            1e9 / (double)loop->cfg.period_ns, view->title);
   if (s->faults) put_line(out, "%s; open the dead-man switch when it is mended", gv_fault_text(s->faults));
   else if (s->safety == GV_SAFETY_WAIT) put_line(out, "waiting for%s%s", s->glove_seen ? "" : " the glove", s->hand_seen ? "" : " the tracker");
+  else if (s->safety == GV_SAFETY_READY && s->dead_man) put_line(out, "let go of the dead-man switch, then press it again");
   else if (s->safety == GV_SAFETY_READY) put_line(out, "close the dead-man switch, with no force on the hand, to feel it");
   else put_line(out, "%s", "");
 }
