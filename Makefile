@@ -207,6 +207,11 @@ latency: build/venv-plot/.done
 instructions: $(B)/test/bench_engine $(B)/test/test_crowd
 	$(Q)B=$(B) python3 test/replay/test_instructions.py --update && B=$(B) python3 test/replay/test_collision_bound.py --update
 
+## solvers: solvers, narrow phases and presets side by side on every recorded trace; writes data/bench/solvers.csv
+solvers: $(B)/test/bench_engine $(B)/test/test_replay
+	$(Q)B=$(B) python3 test/bench/solvers.py
+.PHONY: solvers
+
 ## bench-peers: install what the engine is measured against: MuJoCo, Bullet, coal
 bench-peers: build/venv-bench/.done
 build/venv-bench/.done: build/.test-packages

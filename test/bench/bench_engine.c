@@ -8,6 +8,8 @@
 //                                           JSON with the scene; then answers each line "FIRST COUNT" on standard
 //                                           input with COUNT records of GV_BENCH_VALUES doubles
 //   bench_engine URL SCENE OBJECT - FIRST COUNT   runs these steps for callgrind and ends
+//
+// GV_VARIANT=dantzig, stock, ...: not the default's settings but those (test/replay/expectation.h).
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -19,8 +21,9 @@
 #include "daemon/load/scene_load.h"
 #include "daemon/loop/session.h"
 #include "bench/bench_drivers.h"
+#include "replay/expectation.h"
 
-enum { MAX_STEPS = 60000, MEMORY = 64 << 20 };
+enum { MEMORY = 64 << 20 };
 static _Alignas(64) unsigned char scene_memory[MEMORY], engine_memory[MEMORY];
 static gv_sample sample[MAX_STEPS];
 static gv_bench_drivers drivers[MAX_STEPS];
@@ -187,6 +190,9 @@ int main(int argc, char **argv) {
   char err[512];
   if (argc != 5 && argc != 7) fail("usage: bench_engine URL SCENE OBJECT DRIVERS, or ... - FIRST COUNT");
   gv_settings_default(&settings);
+  const char *asked = getenv("GV_VARIANT");
+  if (asked && variant_of_name(asked) < 0) fail("GV_VARIANT is none of the replays' variants");
+  if (asked) settings.engine = variant_config((variant)variant_of_name(asked));
   snprintf(settings.fcu, sizeof settings.fcu, "%s", argv[1]);
   gv_arena_init(&arena, scene_memory, sizeof scene_memory);
   if (gv_scene_load(argv[2], &arena, &scene, err, sizeof err)) fail(err);
