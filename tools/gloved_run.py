@@ -5,13 +5,9 @@ import os
 import numpy as np
 
 import gloved_log
+from gloved_names import FINGERS, SAFETY, SENSORS  # noqa: F401 (for gloved-plot)
 
-FINGERS = ("thumb", "index", "middle", "ring", "little")
 PARTS = FINGERS + ("palm",)
-SENSORS = ("thumb_rotate", "thumb_mpj", "thumb_ij", "thumb_abduction", "index_mpj", "index_pij", "index_dij", "middle_mpj",
-           "middle_pij", "middle_dij", "middle_index_abduction", "ring_mpj", "ring_pij", "ring_dij", "ring_middle_abduction",
-           "little_mpj", "little_pij", "little_dij", "little_ring_abduction", "palm_arch", "wrist_pitch", "wrist_yaw")
-SAFETY = ("start", "wait", "ready", "armed", "active", "fault", "stopped")
 
 
 def part_of_limb(limb):

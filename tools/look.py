@@ -14,11 +14,10 @@ import threading
 import lcm
 
 import gloved_log
+from gloved_names import FINGERS, SAFETY
 
 VIEWER = os.path.join(gloved_log.ROOT, "data", "viewer")
-FINGERS = ("thumb", "index", "middle", "ring", "little")
 LOCAL = ("localhost", "127.0.0.1", "::1")
-SAFETY = ("start", "wait", "ready", "armed", "active", "fault", "stopped")
 
 
 def finite(content):

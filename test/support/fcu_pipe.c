@@ -4,13 +4,14 @@
 //   classic KIND FIELDS                its frames on classic CAN, "111#...", in one line
 //   (0.0) can0 110##1...               "glove FIELDS", or "refused: why"
 //   join                               from here on classic frames are joined: "-" until the message is whole
-//   sensors, fingers                   the names in their order
+//   sensors, fingers, states           the names in their order
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "gloved/drivers.h"
 #include "gloved/fcu.h"
+#include "gloved/safety.h"
 
 enum { FIELDS_MAX = 32 };
 
@@ -111,6 +112,10 @@ int main(void) {
     else if (strcmp(line, "join") == 0) {
       joining = true;
       printf("join\n");
+    }
+    else if (strcmp(line, "states") == 0) {
+      for (int i = 0; i <= GV_SAFETY_STOPPED; i++) printf("%s ", gv_safety_name((gv_safety_state)i));
+      printf("\n");
     }
     else if (strcmp(line, "sensors") == 0 || strcmp(line, "fingers") == 0) {
       for (int i = 0; i < (line[0] == 's' ? GV_SENSORS : GV_FINGERS); i++)

@@ -47,7 +47,10 @@ at 6.8 dead_man off
 at 7.2 dead_man on
 end 30
 """
-READY, ARMED, ACTIVE = 2, 3, 4
+sys.path.insert(0, "tools")
+from gloved_names import SAFETY  # noqa: E402
+
+READY, ARMED, ACTIVE = (SAFETY.index(name) for name in ("ready", "armed", "active"))
 failed = False
 
 

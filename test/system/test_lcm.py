@@ -3,6 +3,9 @@
 # GLOVED_STATE at 50 Hz with a sound content, GLOVED_EVENT in words, and the same messages in --log.
 import math, os, subprocess, sys, tempfile, time
 
+sys.path.insert(0, "tools")
+from gloved_names import SAFETY  # noqa: E402
+
 GLOVED = os.environ["B"] + "/gloved"
 URL = "udpm://239.255.76.67:7777?ttl=0"  # a port of its own: a running daemon is not disturbed
 SECONDS = 2.0
@@ -51,7 +54,7 @@ def check_press(s):
     touching = {c.limb for c in s.contact if c.object == 0 and c.limb >= 0}
     if not touching & {3, 4, 5}:
         return f"limbs {touching} touch the table, not the index finger"
-    if s.safety_state != 4 or not s.dead_man:
+    if s.safety_state != SAFETY.index("active") or not s.dead_man:
         return f"safety state {s.safety_state}"
     if not 0.1 < s.force_commanded_n[1] < 12 or abs(s.force_commanded_n[1] - s.force_desired_n[1]) > 0.5:
         return f"index finger: wanted {s.force_desired_n[1]} N, commanded {s.force_commanded_n[1]} N"
@@ -96,7 +99,7 @@ def check_network(lcm, types, script):
         return
     every = 20  # steps of 1 ms between messages at 50 Hz
     steps = [s.step for _, s in states]
-    running = [s for _, s in states if s.safety_state != 6]
+    running = [s for _, s in states if s.safety_state != SAFETY.index("stopped")]
     gaps = [b - a for a, b in zip(steps, steps[1:]) if b <= SECONDS * 1000 - every]
     dropped = states[-1][1].snapshots_dropped
     verdict("state_comes_every_20_steps",

@@ -6,6 +6,7 @@ import os
 import random
 import re
 import subprocess
+import sys
 import tempfile
 
 import can
@@ -263,3 +264,10 @@ def test_python_can_reads_and_writes_the_same_logs():
         writer.stop()
         written = log.read().splitlines()
     assert [a.split()[0] for a in pipe(written)] == ["glove"] * len(lines)
+
+
+def test_names_in_python_are_those_in_c():
+    sys.path.insert(0, "tools")
+    import gloved_names
+    said = [tuple(line.split()) for line in pipe(["fingers", "sensors", "states"])]
+    assert said == [gloved_names.FINGERS, gloved_names.SENSORS, gloved_names.SAFETY]
