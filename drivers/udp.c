@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // The force control unit over UDP: cannelloni v2 datagrams on one non-blocking socket. Opening resolves
 // names and allocates; poll and send run in the real-time thread, never block and never allocate.
-// The socket is not connected: a peer that is not up yet (ICMP refusal) is then no error, and datagrams
-// of others can be told apart and counted.
+// Two sockets share the port. One is connected to the peer, so that the kernel keeps everybody else's datagrams out of its
+// buffer: a flood of 160,000 a second starves nobody. The other gets those, a few in each poll, to be counted and told
+// (and the peer's own where it answers to another address of this machine than the kernel expects).
 #include <arpa/inet.h>
 #include <errno.h>
 #include <netdb.h>
@@ -20,7 +21,9 @@
 
 enum {
   BATCH = 16,             // datagrams in one system call
-  POLL_DATAGRAMS = 64,    // read at most in one poll, ours or not: bounds its time under a flood
+  POLL_DATAGRAMS = 64,    // read at most in one poll: bounds its time under a flood
+  STRANGERS = 4,          // of them from the other socket
+  STRANGERS_BUFFER = 1 << 14, // bytes: what does not fit is lost
   RECEIVE_BUFFER = 1 << 20, // bytes asked for: over a second of 1 kHz frames; the kernel may give less
   SEQ_BEHIND = 128,       // a step of 128 and more is taken as one backwards
   RESTART_GAP = 16        // sequence 0 after a larger gap: the peer started anew
@@ -35,7 +38,8 @@ typedef union address {
 } address;
 
 typedef struct udp {
-  int fd;
+  int fd;                       // connected to the peer
+  int strangers;                // the same port, for everybody else; -1: none
   address peer;
   socklen_t peer_size;
   gv_driver_stats stats;
@@ -81,16 +85,20 @@ static bool same_address(const address *a, const address *b) {
   return a->v6.sin6_port == b->v6.sin6_port && memcmp(&a->v6.sin6_addr, &b->v6.sin6_addr, sizeof a->v6.sin6_addr) == 0;
 }
 
-// Fill the batch from the socket. Returns the datagrams read.
-static int read_batch(udp *u) {
+// Fill the batch from a socket. Returns the datagrams read. A peer that was not up when something was sent to it leaves an
+// error behind (ICMP), which is taken here and says nothing.
+static int read_batch(udp *u, int fd, unsigned most) {
+  u->batch_next = 0;
+  u->batch_count = 0;
+  if (fd < 0) return 0;
   for (int i = 0; i < BATCH; i++) {
     struct msghdr *h = &u->message[i].msg_hdr;
     h->msg_namelen = sizeof u->source[i];
     h->msg_controllen = sizeof u->control[i];
     h->msg_flags = 0;
   }
-  int n = recvmmsg(u->fd, u->message, BATCH, MSG_DONTWAIT, NULL);
-  u->batch_next = 0;
+  int n = recvmmsg(fd, u->message, most, MSG_DONTWAIT, NULL);
+  if (n < 0 && errno == ECONNREFUSED) n = recvmmsg(fd, u->message, most, MSG_DONTWAIT, NULL);
   u->batch_count = n > 0 ? n : 0;
   return u->batch_count;
 }
@@ -139,7 +147,7 @@ static bool take_frame(udp *u, gv_frame *out) {
 static int poll_udp(void *self, int64_t now_ns, gv_frame *out, int max) {
   udp *u = self;
   int n = 0, budget = POLL_DATAGRAMS;
-  bool drained = false;
+  bool drained = false, asked = false;
   while (n < max) {
     if (u->pending_next < u->pending_count) {
       n += take_frame(u, &out[n]) ? 1 : 0;
@@ -147,8 +155,9 @@ static int poll_udp(void *self, int64_t now_ns, gv_frame *out, int max) {
       if (budget-- == 0) break;
       take_datagram(u, now_ns);
     } else {
-      if (drained || read_batch(u) == 0) break;
-      drained = u->batch_count < BATCH;
+      if (drained && asked) break;
+      asked = drained;
+      drained = read_batch(u, asked ? u->strangers : u->fd, asked ? STRANGERS : BATCH) < BATCH;
     }
   }
   u->stats.rx += (uint64_t)n;
@@ -177,12 +186,19 @@ static int pack(udp *u, const gv_frame *frame, int count) {
   return gv_cannelloni_pack(u->send_seq, frame, count, u->out, sizeof u->out);
 }
 
+// The error of an earlier datagram that the peer refused (ICMP) would keep this one back: again, once.
+static bool send_whole(udp *u, size_t bytes) {
+  ssize_t sent = send(u->fd, u->out, bytes, MSG_DONTWAIT | MSG_NOSIGNAL);
+  if (sent < 0 && errno == ECONNREFUSED) sent = send(u->fd, u->out, bytes, MSG_DONTWAIT | MSG_NOSIGNAL);
+  return sent == (ssize_t)bytes;
+}
+
 static int send_udp(void *self, const gv_frame *frame, int count) {
   udp *u = self;
   if (count <= 0) return 0;
   const int bytes = pack(u, frame, count);
   bool sent = bytes > 0;
-  if (sent) sent = sendto(u->fd, u->out, (size_t)bytes, MSG_DONTWAIT | MSG_NOSIGNAL, &u->peer.any, u->peer_size) == bytes;
+  if (sent) sent = send_whole(u, (size_t)bytes);
   u->send_seq++;  // also where it failed: the peer then sees what it missed
   if (sent) u->stats.tx += (uint64_t)count;
   else u->stats.tx_failed += (uint64_t)count;
@@ -230,6 +246,7 @@ static bool tell_udp(void *self, int64_t now_ns, char *out, size_t size) {
 static void close_udp(void *self) {
   udp *u = self;
   if (u->fd >= 0) close(u->fd);
+  if (u->strangers >= 0) close(u->strangers);
   free(u);
 }
 
@@ -289,7 +306,7 @@ static int resolve_peer(udp *u, const udp_url *url) {
 }
 
 // Bind to the listening port: on the loopback alone for a peer there, on every address otherwise.
-static int bind_socket(udp *u, const char *listen_port) {
+static int bind_socket(const udp *u, int fd, const char *listen_port) {
   uint16_t port = htons((uint16_t)strtol(listen_port, NULL, 10));
   address local;
   memset(&local, 0, sizeof local);
@@ -301,7 +318,24 @@ static int bind_socket(udp *u, const char *listen_port) {
     local.v6.sin6_port = port;
     local.v6.sin6_addr = is_loopback(&u->peer) ? in6addr_loopback : in6addr_any;
   }
-  return bind(u->fd, &local.any, u->peer_size);
+  return bind(fd, &local.any, u->peer_size);
+}
+
+// The same port again, for everybody but the peer. Only while it is bound do both sockets share it, so that a second daemon is
+// still refused. Without this socket foreign datagrams are dropped by the kernel without a word.
+static void open_strangers(udp *u, const char *listen_port) {
+  const int on = 1, off = 0, room = STRANGERS_BUFFER;
+  const int fd = socket(u->peer.any.sa_family, SOCK_DGRAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0);
+  if (fd < 0) return;
+  setsockopt(u->fd, SOL_SOCKET, SO_REUSEADDR, &on, sizeof on);
+  setsockopt(fd, SOL_SOCKET, SO_REUSEADDR, &on, sizeof on);
+  setsockopt(fd, SOL_SOCKET, SO_RCVBUF, &room, sizeof room);
+  setsockopt(fd, SOL_SOCKET, SO_TIMESTAMPNS, &on, sizeof on);
+  const bool bound = bind_socket(u, fd, listen_port) == 0;
+  setsockopt(u->fd, SOL_SOCKET, SO_REUSEADDR, &off, sizeof off);
+  setsockopt(fd, SOL_SOCKET, SO_REUSEADDR, &off, sizeof off);
+  if (bound) u->strangers = fd;
+  else close(fd);
 }
 
 static int open_socket(udp *u, const char *listen_port) {
@@ -316,7 +350,10 @@ static int open_socket(udp *u, const char *listen_port) {
     u->message[i].msg_hdr = (struct msghdr){.msg_name = &u->source[i], .msg_iov = &u->part[i], .msg_iovlen = 1,
                                             .msg_control = u->control[i]};
   }
-  return bind_socket(u, listen_port);
+  if (bind_socket(u, u->fd, listen_port)) return -1;
+  if (connect(u->fd, &u->peer.any, u->peer_size)) return -1;
+  open_strangers(u, listen_port);
+  return 0;
 }
 
 // Every page is there before the real-time thread meets the first large datagram.
@@ -339,6 +376,7 @@ int gv_udp_open(const char *url, gv_driver *out, char *err, size_t err_size) {
   }
   touch_pages(u);
   u->fd = -1;
+  u->strangers = -1;
   int code = resolve_peer(u, &parts);
   if (code)
     snprintf(err, err_size, "%s: the host %s is not known (%s); check its name or give its address", url, parts.host,

@@ -619,6 +619,28 @@ static void test_udp_jumbo_datagrams(void) {
   a.close(a.self);
 }
 
+// A flood from elsewhere fills its own socket's buffer, not the peer's: every frame of the peer still comes.
+static void test_udp_foreign_flood_starves_nobody(void) {
+  gv_driver a, b;
+  if (!open_pair(&a, &b)) return;
+  b.close(b.self);
+  const int peer = raw_socket(port_b, port_a), other = raw_socket(0, port_a);
+  gv_frame f[300];
+  int came = 0;
+  for (int round = 0; round < 200; round++) {
+    for (int i = 0; i < 150; i++) send_seq(other, i);  // as many as 150,000 a second in a period of 1 ms
+    send_seq(peer, round);
+    came += a.poll(a.self, now(), f, 300);
+  }
+  for (int i = 0; i < 20 && came < 200; i++) came += a.poll(a.self, now(), f, 300);
+  const gv_driver_stats s = a.stats(a.self);
+  CHECK(came == 200, "%d of 200 frames came", came);
+  CHECK(s.lost == 0 && s.foreign > 200, "lost %llu, foreign %llu", (unsigned long long)s.lost, (unsigned long long)s.foreign);
+  close(peer);
+  close(other);
+  a.close(a.self);
+}
+
 static void test_udp_foreign_broken_and_lost(void) {
   gv_driver a, b;
   if (!open_pair(&a, &b)) return;
@@ -648,6 +670,7 @@ static void test_udp_foreign_broken_and_lost(void) {
   nanosleep(&(struct timespec){.tv_nsec = 270000000}, NULL);
   send_seq(peer, 77);
   CHECK(poll_all(&a, f, 1) == 1 && (stalled || a.stats(a.self).lost == 89), "after a silence nothing is known");
+  a.poll(a.self, now(), f, 300);  // with room left it looks at what strangers sent
   gv_driver_stats s = a.stats(a.self);
   CHECK(s.foreign == 1 && s.bad == 3, "foreign %llu bad %llu", (unsigned long long)s.foreign, (unsigned long long)s.bad);
   for (int i = 0; i < 200; i++) send_seq(other, i);
@@ -764,6 +787,7 @@ int main(void) {
   RUN(test_udp_classic_can_is_joined_and_answered_in_kind);
   RUN(test_classic_messages_cut_by_a_stall_are_joined);
   RUN(test_udp_jumbo_datagrams);
+  RUN(test_udp_foreign_flood_starves_nobody);
   RUN(test_udp_foreign_broken_and_lost);
   RUN(test_udp_restart_gap);
   RUN(test_classic_counter_wraps);
