@@ -5,6 +5,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/random.h>
 #include <time.h>
 
 #include "gloved/drivers.h"
@@ -30,12 +31,17 @@ static const char help_text[] =
 
 enum { EVENT_COMMAND = 4, REFUSED = 256, ANSWER_S = 3, SCENE_S = 15 };  // a large scene takes seconds to load
 
-typedef struct answer { int kind; bool came, refused; char text[600]; } answer;
+typedef struct answer {
+  int kind;
+  int64_t tag;            // of the command: an answer to another one, or one that somebody made up, does not have it
+  bool came, refused;
+  char text[600];
+} answer;
 
 static void on_event(const lcm_recv_buf_t *buffer, const char *channel, const gloved_event_t *event, void *user) {
   (void)buffer, (void)channel;
   answer *a = user;
-  if (event->kind != EVENT_COMMAND || (event->bits & 0xff) != a->kind || a->came) return;
+  if (event->kind != EVENT_COMMAND || (event->bits & 0xff) != a->kind || event->answers != a->tag || a->came) return;
   a->came = true;
   a->refused = (event->bits & REFUSED) != 0;
   snprintf(a->text, sizeof a->text, "%s", event->text);
@@ -81,7 +87,7 @@ int main(int argc, char **argv) {
   if (program_answers(argc, argv, help_text)) return 0;
   static char no_text[] = "";
   if (argc < 2 || argc > 3) return usage();
-  gloved_command_t command = {.utime = (int64_t)time(NULL) * 1000000, .kind = (int8_t)find_kind(argv[1]), .text = no_text};
+  gloved_command_t command = {.kind = (int8_t)find_kind(argv[1]), .text = no_text};
   if (command.kind < 0 || take_argument(&command, argc > 2 ? argv[2] : NULL)) return usage();
   const char *url = getenv("LCM_DEFAULT_URL") ? getenv("LCM_DEFAULT_URL") : "udpm://239.255.76.67:7667?ttl=0";
   lcm_t *lcm = lcm_create(url);
@@ -89,7 +95,8 @@ int main(int argc, char **argv) {
     fprintf(stderr, "gloved-command: LCM does not start on \"%s\"; check LCM_DEFAULT_URL\n", url);
     return 1;
   }
-  answer a = {.kind = command.kind};
+  if (getrandom(&command.utime, sizeof command.utime, 0) != sizeof command.utime) command.utime = (int64_t)time(NULL);
+  answer a = {.kind = command.kind, .tag = command.utime};
   gloved_event_t_subscribe(lcm, "GLOVED_EVENT", on_event, &a);
   gloved_command_t_publish(lcm, "GLOVED_COMMAND", &command);
   const time_t end = time(NULL) + (command.kind == GV_REQUEST_SCENE ? SCENE_S : ANSWER_S);

@@ -96,15 +96,16 @@ class Daemon:
         before = len(self.messages["GLOVED_EVENT"])
         command = self.types.command_t()
         command.kind, command.value, command.text = kind, value, text
+        command.utime = self.tag = getattr(self, "tag", 1 << 40) + 1
         self.link.publish("GLOVED_COMMAND", command.encode())
-        return self.answer(before)
+        return self.answer(before, self.tag)
 
-    def answer(self, before):
+    def answer(self, before, tag=0):
         end = time.time() + 3
         while time.time() < end:
             self.link.handle_timeout(20)
             for event in self.of("GLOVED_EVENT", "event_t")[before:]:
-                if event.kind == 4:
+                if event.kind == 4 and event.answers in (0, tag):
                     return event.text
         return "no answer"
 
@@ -269,6 +270,30 @@ def check_counters_over_scenes(states, summary):
         and [o["name"] for o in summary["objects"]] == ["table", "frame"] and summary["exit_reason"] == "duration" \
         and summary["rt_heap_calls"] == 0 and max(summary["force_max_n"]) > 0.1 and summary["faults"] == "none"
     verdict("counters_go_on_over_scenes", "" if good else f"{summary}")
+
+
+def check_forged_answer(lcm, types, folder):
+    """Somebody answers every command at once with "done" and escape sequences: gloved-command waits for the daemon's answer."""
+    d = Daemon(lcm, types, folder, 3)
+    d.until(0.3)
+    stop = threading.Event()
+
+    def forge():
+        link = lcm.LCM(URL)
+        event = types.event_t()
+        event.kind, event.bits, event.text = 4, 3, "\x1b[31mcommand friction: done"
+        while not stop.is_set():
+            link.publish("GLOVED_EVENT", event.encode())
+            time.sleep(0.002)
+
+    forger = threading.Thread(target=forge)
+    forger.start()
+    told = subprocess.run([B + "/gloved-command", "friction", "7"], env={**os.environ, "LCM_DEFAULT_URL": URL}, capture_output=True, text=True)
+    stop.set()
+    forger.join()
+    d.finish()
+    good = told.returncode == 1 and told.stdout == "command friction: refused: give a coefficient from 0 to 2\n"
+    verdict("a_forged_answer_is_not_believed", "" if good else f"{told}")
 
 
 def check_flood(lcm, types, folder):
@@ -509,6 +534,7 @@ def main():
         if multicast_works(lcm):
             check_commands(lcm, types, folder)
             check_flood(lcm, types, folder)
+            check_forged_answer(lcm, types, folder)
             check_scene(lcm, types, folder)
             check_slow_scene(lcm, types, folder)
             check_stats_and_trace(lcm, types, folder)

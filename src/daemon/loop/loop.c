@@ -75,15 +75,18 @@ static void wait_for_space(const gv_loop *loop) {
     sleep_until(clock_ns(CLOCK_MONOTONIC) + 200000);
 }
 
-static void push_record(gv_loop *loop, gv_record_kind kind, uint32_t bits) {
+static void push_tagged(gv_loop *loop, gv_record_kind kind, uint32_t bits, int64_t tag) {
   const gv_session *session = loop->session;
   gv_record *record = gv_ring_reserve(&loop->records);
   if (!record) return;
   int64_t step = gv_session_steps(session);
   *record = (gv_record){.kind = kind, .step = step, .time_s = (double)(step * loop->cfg.period_ns) * 1e-9,
-                        .utime = loop->wall_us + loop->now_ns / 1000, .from = loop->state_reported, .to = session->safety.state, .bits = bits};
+                        .utime = loop->wall_us + loop->now_ns / 1000, .from = loop->state_reported, .to = session->safety.state,
+                        .bits = bits, .tag = tag};
   gv_ring_commit(&loop->records);
 }
+
+static void push_record(gv_loop *loop, gv_record_kind kind, uint32_t bits) { push_tagged(loop, kind, bits, 0); }
 
 // At most one report a second for each kind, so that a noisy event cannot fill the ring.
 static bool may_report(gv_loop *loop, int kind) {
@@ -161,7 +164,8 @@ static void obey_requests(gv_loop *loop) {
   const gv_request *request;
   while (!loop->scene_accepted && (request = gv_ring_peek(&loop->requests))) {
     const bool done = gv_session_request(loop->session, request), scene = request->kind == GV_REQUEST_SCENE;
-    if (!scene || !done) push_record(loop, GV_RECORD_REQUEST, (uint32_t)request->kind | (done ? 0u : GV_RECORD_REFUSED));
+    if (!scene || !done)
+      push_tagged(loop, GV_RECORD_REQUEST, (uint32_t)request->kind | (done ? 0u : GV_RECORD_REFUSED), request->tag);
     if (scene) atomic_store(&loop->scene_asked, done);
     loop->scene_accepted = scene && done;
     gv_ring_release(&loop->requests);

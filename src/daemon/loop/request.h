@@ -32,6 +32,7 @@ typedef struct gv_request {
   gv_request_kind kind;
   double value;
   char text[GV_REQUEST_TEXT];
+  int64_t tag;             // of the sender; comes back in the answer
 } gv_request;
 
 // How many requests came in the second that began at second_ns.

@@ -79,6 +79,7 @@ typedef struct gv_record {
   double time_s;
   int64_t utime;              // as in gv_snapshot
   gv_safety_state from, to;
+  int64_t tag;                // request: gv_request.tag
   uint32_t bits;              // state: gv_fault; engine: one gv_event bit; overrun: periods skipped
 } gv_record;
 

@@ -445,13 +445,14 @@ static void send_event(gv_telemetry *telemetry, const gloved_event_t *event) {
 }
 
 // The answer to a command that does not reach the loop.
-static void answer(gv_telemetry *telemetry, int kind, const char *refusal) {
+static void answer(gv_telemetry *telemetry, int kind, int64_t tag, const char *refusal) {
   char text[ANSWER_TEXT];
   snprintf(text, sizeof text, "command %s: %s%s", gv_request_name(kind), refusal ? "refused: " : "done", refusal ? refusal : "");
   telemetry->commands_refused += refusal ? 1 : 0;
   send_event(telemetry, &(gloved_event_t){.utime = now_us(), .step = telemetry->state.step,
                                           .time_s = telemetry->state.time_s, .kind = EVENT_COMMAND,
-                                          .bits = (kind & 0xff) | (refusal ? GV_RECORD_REFUSED : 0), .text = text});
+                                          .bits = (kind & 0xff) | (refusal ? GV_RECORD_REFUSED : 0), .answers = tag,
+                                          .text = text});
 }
 
 static void want_trace(gv_telemetry *telemetry) {
@@ -507,7 +508,7 @@ static void follow_scene(gv_telemetry *telemetry) {
   telemetry->scene_loading = false;
   if (!refusal && !(refusal = pass_on(telemetry, &telemetry->scene_request))) return;
   atomic_store(&telemetry->loop->scene_asked, false);
-  answer(telemetry, GV_REQUEST_SCENE, refusal);
+  answer(telemetry, GV_REQUEST_SCENE, telemetry->scene_request.tag, refusal);
 }
 
 // Those for the loop are answered by the loop, when they are done.
@@ -516,7 +517,7 @@ static void obey(gv_telemetry *telemetry, const gv_request *request) {
   switch (request->kind) {
     case GV_REQUEST_START_LOG: refusal = start_log(telemetry, request->text); break;
     case GV_REQUEST_STOP_LOG:
-      answer(telemetry, (int)request->kind, telemetry->log ? NULL : "no log is being written"); // into the log as well
+      answer(telemetry, (int)request->kind, request->tag, telemetry->log ? NULL : "no log is being written"); // into the log as well
       stop_log(telemetry);
       return;
     case GV_REQUEST_TRACE:
@@ -531,7 +532,7 @@ static void obey(gv_telemetry *telemetry, const gv_request *request) {
       break;
     case GV_REQUEST_KINDS: return; // refused by gv_request_check
   }
-  answer(telemetry, (int)request->kind, refusal);
+  answer(telemetry, (int)request->kind, request->tag, refusal);
 }
 
 // Exactly as long as the length of its text says, with its final zero: the generated decoder would take memory
@@ -554,12 +555,13 @@ static void on_command(const lcm_recv_buf_t *buffer, const char *channel, void *
     // Whoever floods the channel must not fill the log with answers.
     if (gv_request_may_complain(&telemetry->complaints, telemetry->listened_ns)) {
       telemetry->commands_refused--;
-      answer(telemetry, -1, "not a gloved_command_t; use the type in data/lcm");
+      answer(telemetry, -1, 0, "not a gloved_command_t; use the type in data/lcm");
     }
     return;
   }
   const char *refusal = gv_request_check(command.kind, command.value, command.text, &telemetry->rate, telemetry->listened_ns, &request);
-  if (refusal) answer(telemetry, command.kind, refusal);
+  request.tag = command.utime;
+  if (refusal) answer(telemetry, command.kind, command.utime, refusal);
   else obey(telemetry, &request);
   gloved_command_t_decode_cleanup(&command);
 }
@@ -599,7 +601,8 @@ void gv_telemetry_record(gv_telemetry *telemetry, const gv_record *record) {
   gv_record_text(record, text);
   if (record->kind == GV_RECORD_REQUEST && (record->bits & GV_RECORD_REFUSED)) telemetry->commands_refused++;
   send_event(telemetry, &(gloved_event_t){.utime = record->utime, .step = record->step, .time_s = record->time_s,
-                                          .kind = (int8_t)record->kind, .bits = (int32_t)record->bits, .text = text});
+                                          .kind = (int8_t)record->kind, .bits = (int32_t)record->bits, .answers = record->tag,
+                                          .text = text});
 }
 
 static void point_into(gv_telemetry *telemetry) {
@@ -678,7 +681,7 @@ void gv_telemetry_change_scene(gv_telemetry *telemetry) {
   take_scene(telemetry);
   send_about(telemetry, true);
   telemetry->viewer.next_load_us = 0;
-  answer(telemetry, GV_REQUEST_SCENE, NULL);
+  answer(telemetry, GV_REQUEST_SCENE, telemetry->scene_request.tag, NULL);
 }
 
 uint64_t gv_telemetry_failed(const gv_telemetry *telemetry) { return telemetry->failed; }
