@@ -14,7 +14,7 @@ B       ?= build/$(notdir $(firstword $(CC)))$(subst $(space),,$(OPT))
 WARN    := -std=c11 -Wall -Wextra -Wpedantic -Wconversion -Wsign-conversion -Wdouble-promotion -Wshadow -Wundef \
            -Wcast-align -Wmissing-prototypes -Wswitch-enum $(if $(CI),-Werror)
 # No fused multiply-add, no reordering: a replay gives the same bits with every compiler and level.
-override CFLAGS += $(WARN) $(OPT) -g -ffp-contract=off -fno-fast-math -fno-math-errno -D_GNU_SOURCE -Iinclude -Isrc -I. -Itest -I$(B)/gen -MMD -MP
+override CFLAGS += $(CPPFLAGS) $(WARN) $(OPT) -g -ffp-contract=off -fno-fast-math -fno-math-errno -D_GNU_SOURCE -Iinclude -Isrc -I. -Itest -I$(B)/gen -MMD -MP
 # What sanitizers and coverage want at the end, too.
 LDLIBS  := $(filter -fsanitize% --coverage,$(OPT)) -lode -lccd -llcm -lconfig -lz -lpthread -lm
 Q       := $(if $(V),,@)
@@ -357,8 +357,14 @@ $(TESTS:%=$(B)/test/%):
 
 # ---- installed ------------------------------------------------------------------------------------------
 PREFIX  ?= /usr/local
+# Below PREFIX; a distribution may have a folder for each architecture.
+LIBDIR  ?= lib
 PROGRAMS := gloved $(TOOLS)
 SCRIPTS  := gloved-plot gloved-scene gloved-shapes log-to-trace gloved-look
+MANUALS  := $(PROGRAMS) $(SCRIPTS)
+# Where no git repository answers (an archive), or one that has these files in no commit of its own (an archive in a clone): all files.
+DATA     := $(addprefix data/,scenes scripts lcm calibration examples viewer gloved.conf gloved.dbc)
+data_files = $$(git ls-files $(DATA) 2>/dev/null | grep . || find $(DATA) -type f)
 # Engine, codecs and loaders alone: what other programs link. Only names with gv_ leave it.
 PUBLIC   := $(CORE) $(addprefix src/daemon/load/,conf.c config_load.c scene_load.c scene_check.c scene_friction.c settings_table.c)
 SONAME   := libgloved.so.0
@@ -382,30 +388,36 @@ library: $(B)/lib/libgloved.a $(B)/lib/$(SONAME)
 build/.man-packages: build/.run-packages
 	$(Q)tools/packages help2man
 	@touch $@
-$(B)/man/%.1: $(B)/% build/.man-packages
+$(PROGRAMS:%=$(B)/man/%.1): $(B)/man/%.1: $(B)/% build/.man-packages
 	@mkdir -p $(@D)
 	$(Q)help2man --no-info --no-discard-stderr --name "$$(sed -n 's/^$* *//p' data/install/names)" --version-string '$* $(VERSION)' -o $@ $(B)/$*
-man: $(PROGRAMS:%=$(B)/man/%.1)
+# The scripts fetch packages from PyPI before they can help: a page that says so.
+$(SCRIPTS:%=$(B)/man/%.1): $(B)/man/%.1: data/install/script.man data/install/names
+	@mkdir -p $(@D)
+	$(Q)sed "s,@NAME@,$*,;s,@VERSION@,$(VERSION),;s,@WHAT@,$$(sed -n 's/^$* *//p' data/install/names)," $< > $@
+man: $(MANUALS:%=$(B)/man/%.1)
 
 SHARE := share/gloved
 put = install -D -m $1 $2 "$(DESTDIR)$(PREFIX)/$3"
+list-data:
+	$(Q)for f in $(data_files); do echo $$f; done
+.PHONY: list-data
 ## install: programs, library, data, manual pages, service (PREFIX=/usr/local, DESTDIR=)
 install: $(PROGRAMS:%=$(B)/%) library man
-	$(Q)for p in $(PROGRAMS); do $(call put,755,$(B)/$$p,bin/$$p); $(call put,644,$(B)/man/$$p.1,share/man/man1/$$p.1); done
+	$(Q)for p in $(PROGRAMS); do $(call put,755,$(B)/$$p,bin/$$p); done
+	$(Q)for m in $(MANUALS); do $(call put,644,$(B)/man/$$m.1,share/man/man1/$$m.1); done
 	$(Q)for h in include/gloved/*.h; do $(call put,644,$$h,$$h); done
-	$(Q)$(call put,644,$(B)/lib/libgloved.a,lib/libgloved.a)
-	$(Q)$(call put,644,$(B)/lib/$(SONAME),lib/$(SONAME))
-	$(Q)ln -sf $(SONAME) "$(DESTDIR)$(PREFIX)/lib/libgloved.so"
-	$(Q)for f in $$(git ls-files data/scenes data/scripts data/lcm data/calibration data/examples data/viewer data/gloved.conf data/gloved.dbc 2>/dev/null || \
-	  find data/scenes data/scripts data/lcm data/calibration data/examples data/viewer data/gloved.conf data/gloved.dbc -type f); do \
-	  $(call put,644,$$f,$(SHARE)/$${f#data/}); done
-	$(Q)for f in tools/with-python tools/packages tools/mesh/*; do $(call put,755,$$f,lib/gloved/$$f); done
-	$(Q)for f in tools/*.py; do $(call put,644,$$f,lib/gloved/$$f); done
+	$(Q)$(call put,644,$(B)/lib/libgloved.a,$(LIBDIR)/libgloved.a)
+	$(Q)$(call put,644,$(B)/lib/$(SONAME),$(LIBDIR)/$(SONAME))
+	$(Q)ln -sf $(SONAME) "$(DESTDIR)$(PREFIX)/$(LIBDIR)/libgloved.so"
+	$(Q)for f in $(data_files); do $(call put,644,$$f,$(SHARE)/$${f#data/}); done
+	$(Q)for f in tools/with-python tools/packages tools/mesh/python; do $(call put,755,$$f,lib/gloved/$$f); done
+	$(Q)for f in tools/*.py tools/mesh/*.py; do $(call put,644,$$f,lib/gloved/$$f); done
 	$(Q)for f in tools/version; do $(call put,755,$$f,lib/gloved/$$f); done; echo '$(VERSION)' > $(B)/version; $(call put,644,$(B)/version,lib/gloved/version)
 	$(Q)for s in $(SCRIPTS); do $(call put,755,tools/$$s,lib/gloved/tools/$$s); ln -sf ../lib/gloved/tools/$$s "$(DESTDIR)$(PREFIX)/bin/$$s"; done
 	$(Q)ln -sfn ../../$(SHARE) "$(DESTDIR)$(PREFIX)/lib/gloved/data"
-	$(Q)sed 's,@PREFIX@,$(PREFIX),;s,@VERSION@,$(VERSION),' data/install/gloved.pc > $(B)/gloved.pc
-	$(Q)$(call put,644,$(B)/gloved.pc,lib/pkgconfig/gloved.pc)
+	$(Q)sed 's,@PREFIX@,$(PREFIX),;s,@LIBDIR@,$(LIBDIR),;s,@VERSION@,$(VERSION),' data/install/gloved.pc > $(B)/gloved.pc
+	$(Q)$(call put,644,$(B)/gloved.pc,$(LIBDIR)/pkgconfig/gloved.pc)
 	$(Q)sed 's,@PREFIX@,$(PREFIX),' data/install/gloved.service > $(B)/gloved.service
 	$(Q)$(call put,644,$(B)/gloved.service,lib/systemd/system/gloved.service)
 	$(Q)$(call put,644,data/install/gloved.rules,lib/udev/rules.d/70-gloved.rules)
@@ -415,8 +427,8 @@ install: $(PROGRAMS:%=$(B)/%) library man
 
 ## uninstall: removes what install put there (the same PREFIX and DESTDIR)
 uninstall:
-	$(Q)cd "$(DESTDIR)$(PREFIX)" && rm -rf $(PROGRAMS:%=bin/%) $(SCRIPTS:%=bin/%) $(PROGRAMS:%=share/man/man1/%.1) include/gloved lib/libgloved.a \
-	  lib/$(SONAME) lib/libgloved.so lib/gloved $(SHARE) lib/pkgconfig/gloved.pc lib/systemd/system/gloved.service \
+	$(Q)cd "$(DESTDIR)$(PREFIX)" && rm -rf $(PROGRAMS:%=bin/%) $(SCRIPTS:%=bin/%) $(MANUALS:%=share/man/man1/%.1) include/gloved $(LIBDIR)/libgloved.a \
+	  $(LIBDIR)/$(SONAME) $(LIBDIR)/libgloved.so lib/gloved $(SHARE) $(LIBDIR)/pkgconfig/gloved.pc lib/systemd/system/gloved.service \
 	  lib/udev/rules.d/70-gloved.rules lib/sysusers.d/gloved.conf $(PROGRAMS:%=share/bash-completion/completions/%)
 
 ## dist: an archive of this version, with its commit in it: build/gloved-VERSION.tar.gz
@@ -430,11 +442,12 @@ dist:
 deb: build/.deb-packages dist
 	$(Q)rm -rf build/deb && mkdir -p build/deb
 	$(Q)tar -C build/deb -xzf build/gloved-$(VERSION).tar.gz
-	$(Q)cp -r data/install/debian build/deb/gloved-$(VERSION)/debian
-	$(Q)cd build/deb/gloved-$(VERSION) && dpkg-buildpackage -us -uc -b > ../log 2>&1 || { tail -n 20 ../log; exit 1; }
+	$(Q)cp -r build/deb/gloved-$(VERSION)/data/install/debian build/deb/gloved-$(VERSION)/debian
+	$(Q)sed -i "s/@VERSION@/$(VERSION)/;s/@DATE@/$$(git log -1 --format=%cD)/" build/deb/gloved-$(VERSION)/debian/changelog
+	$(Q)cd build/deb/gloved-$(VERSION) && dpkg-buildpackage -us -uc -b -j$$(nproc) > ../log 2>&1 || { tail -n 20 ../log; exit 1; }
 	$(Q)cd build/deb && lintian --allow-root --fail-on error,warning gloved_$(VERSION)*.changes && ls *.deb
 build/.deb-packages: build/.run-packages
-	$(Q)tools/packages debhelper dpkg-dev fakeroot lintian help2man pkg-config
+	$(Q)tools/packages build-essential debhelper dpkg-dev fakeroot lintian help2man pkg-config
 	@touch $@
 .PHONY: library man install uninstall dist deb
 

@@ -30,6 +30,7 @@ uint64_t gv_engine_hash(const gv_engine *engine);
 flags = subprocess.run(["pkg-config", "--cflags", "--libs", "gloved"], capture_output=True, text=True, check=True).stdout.split()
 ffi.set_source("_gloved", "#include <gloved/engine.h>\n#include <gloved/load.h>", extra_compile_args=flags, extra_link_args=flags)
 ffi.compile()
+sys.path.insert(0, ".")  # where it was compiled to
 from _gloved import ffi, lib  # noqa: E402
 
 memory, err = ffi.new("char[]", 32 << 20), ffi.new("char[512]")
