@@ -172,11 +172,12 @@ static void test_real_device_and_a_user_who_moves(void) {
   CHECK(t.held == SEEDS, "%s: dropped on %d seeds", current->script, SEEDS - t.held);
 }
 
-// Twice as far, each finger with a phase of its own: a tripod may lose the box (3 of 16; the perfect device holds all).
+// Twice as far, each finger with a phase of its own: what two or three fingertips hold may be lost on 3 of 16 seeds (the
+// perfect device holds all). With the friction pyramid, which holds up to 1.41 times more than Coulomb's law, a pinch lost none.
 static void test_real_device_and_a_user_who_moves_much(void) {
   const tally t = run_moving(0.03);
-  const bool tripod = strcmp(current->script, "tripod_box") == 0;
-  CHECK(t.held >= SEEDS - (tripod ? 3 : 0), "%s: dropped on %d seeds", current->script, SEEDS - t.held);
+  const bool fingertips = strcmp(current->script, "tripod_box") == 0 || strcmp(current->script, "pinch_box") == 0;
+  CHECK(t.held >= SEEDS - (fingertips ? 3 : 0), "%s: dropped on %d seeds", current->script, SEEDS - t.held);
 }
 
 static int try_one(int argc, char **argv) {
