@@ -10,7 +10,8 @@
 extern "C" {
 #endif
 
-// pyramid: Coulomb, at most mu x normal force (Eqn 9). fixed_limit: at most `mu` newtons, as ODE means Eqn 10.
+// pyramid: Coulomb, at most mu x normal force (Eqn 9); the word is older than the round cone that newton and dantzig
+// solve, only quickstep makes a pyramid of it. fixed_limit: at most `mu` newtons, as ODE means Eqn 10.
 typedef enum gv_friction { GV_FRICTION_PYRAMID, GV_FRICTION_FIXED_LIMIT } gv_friction;
 
 // How two named materials rub against each other, whatever each says alone.

@@ -35,7 +35,7 @@ static int contact_slot(gv_engine *e, double depth) {
   return slot;
 }
 
-// The friction pyramid is exact along its first direction: it lies along the coming slip.
+// The first tangent lies along the coming slip: there a friction pyramid (quickstep's) is exact.
 static gv_vec3 friction_dir(gv_vec3 slip, gv_vec3 normal) {
   double n = gv_norm(slip);
   return n > 1e-6 ? gv_scale(slip, 1.0 / n) : gv_any_perpendicular(normal);
