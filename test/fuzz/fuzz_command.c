@@ -52,10 +52,18 @@ lcm_eventlog_t *__wrap_lcm_eventlog_create(const char *path, const char *mode) {
   return NULL;
 }
 
-static const char *refuse_scene(void *user, const char *file) {
+static const char *refuse_scene(void *user, const char *file, int64_t now_ns_of_it) {
   (void)user;
+  (void)now_ns_of_it;
   REQUIRE(strlen(file) < GV_REQUEST_TEXT && file[0] != '/' && !strstr(file, ".."));
   return "no scene is loaded here";
+}
+
+static bool no_scene_ends(void *user, int64_t now_ns_of_it, const char **out_refusal) {
+  (void)user;
+  (void)now_ns_of_it;
+  (void)out_refusal;
+  return false;
 }
 
 static gv_telemetry *telemetry;
@@ -67,7 +75,9 @@ static void start(void) {
   static gv_session session;
   static gv_driver driver;
   static atomic_bool stop, give_up;
+  static gv_about about;
   char err[256];
+  gv_about_now(&about);
   lab_start(&world);
   lab_box(&world, gv_v3(1, 1, 0.1), gv_v3(0, 0, -0.05), 0, 0.8);
   lab_run(&world);
@@ -76,7 +86,8 @@ static void start(void) {
   gv_session_init(&session, &cfg, world.engine);
   gv_loop_init(&loop, &loop_cfg, &session, &driver, world.scene.object_count, &stop);
   const gv_telemetry_config telemetry_cfg = {.lcm_url = "udpm://", .lcm_required = true, .scene = &world.scene, .hand = &world.cfg.hand,
-                                             .arena = &world.arena, .load_scene = refuse_scene, .give_up = &give_up};
+                                             .arena = &world.arena, .begin_scene = refuse_scene, .scene_ended = no_scene_ends,
+                                             .about = &about, .give_up = &give_up};
   telemetry = gv_telemetry_open(&telemetry_cfg, err, sizeof err);
   REQUIRE(telemetry);
   gv_telemetry_attach(telemetry, &loop);
