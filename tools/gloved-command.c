@@ -25,6 +25,8 @@ static const char help_text[] =
   "  stop-log\n"
   "  disarm              no force until the dead-man switch was let go and pressed again\n"
   "  trace 1|0           publish GLOVED_TRACE or not\n"
+  "  status              what is in force now: state, scene, device, coupling, friction, limits, rates, ...\n"
+  "  get NAME            one of these alone, or a setting of the configuration: get limiter.max_n\n"
   "  --help, --version\n"
   "\n"
   "LCM_DEFAULT_URL as gloved --lcm. Exit codes: 0 done, 1 refused or no answer, 2 bad usage. Nothing here arms.\n";
@@ -35,7 +37,7 @@ typedef struct answer {
   int kind;
   int64_t tag;            // of the command: an answer to another one, or one that somebody made up, does not have it
   bool came, refused;
-  char text[600];
+  char text[5000];
 } answer;
 
 static void on_event(const lcm_recv_buf_t *buffer, const char *channel, const gloved_event_t *event, void *user) {
@@ -50,13 +52,9 @@ static void on_event(const lcm_recv_buf_t *buffer, const char *channel, const gl
     if ((unsigned char)*c < ' ' || (unsigned char)*c >= 127) *c = '?';
 }
 
-static int usage(void) {
-  fputs("gloved-command: no such command, or its argument is missing; see gloved-command --help\n", stderr);
-  return 2;
-}
-
 static int find_kind(const char *name) {
   char spaced[32];
+  if (strcmp(name, "get") == 0) return GV_REQUEST_STATUS;
   snprintf(spaced, sizeof spaced, "%s", name);
   for (char *c = spaced; *c; c++)
     if (*c == '-') *c = ' ';
@@ -65,30 +63,72 @@ static int find_kind(const char *name) {
   return -1;
 }
 
-// The argument that the kind needs. 0, or negative where it is missing or not a number.
-static int take_argument(gloved_command_t *command, char *argument) {
+// Null, or what the command wants after its name.
+static const char *argument_of(const char *name) {
+  static const char *const wants[][2] = {{"scene", "a file, NAME.scene"}, {"coupling", "a multiple, 0.1 to 2"}, {"friction", "a coefficient, 0 to 2"},
+                                         {"start-log", "a file name"}, {"trace", "1 or 0"}, {"get", "a name; status lists them"}};
+  for (size_t i = 0; i < sizeof wants / sizeof *wants; i++)
+    if (strcmp(name, wants[i][0]) == 0) return wants[i][1];
+  return NULL;
+}
+
+static bool takes_number(int kind) { return kind == GV_REQUEST_COUPLING || kind == GV_REQUEST_FRICTION || kind == GV_REQUEST_TRACE; }
+
+// The words of the command line to a command. 0, or negative, told on standard error.
+static int take_words(gloved_command_t *command, int count, char **word) {
+  const char *wants = argument_of(word[0]);
   char *end = NULL;
-  switch ((gv_request_kind)command->kind) {
-    case GV_REQUEST_COUPLING: case GV_REQUEST_FRICTION: case GV_REQUEST_TRACE:
-      if (!argument) return -1;
-      command->value = strtod(argument, &end);
-      return end == argument || *end ? -1 : 0;
-    case GV_REQUEST_SCENE: case GV_REQUEST_START_LOG:
-      if (!argument) return -1;
-      command->text = argument;
-      return 0;
-    case GV_REQUEST_RESET: case GV_REQUEST_STOP_LOG: case GV_REQUEST_DISARM: case GV_REQUEST_KINDS: break;
+  command->kind = (int8_t)find_kind(word[0]);
+  if (command->kind < 0) {
+    fprintf(stderr, "gloved-command: %.40s: no such command; give reset, scene, coupling, friction, start-log, stop-log, disarm, trace, status or get\n", word[0]);
+    return -1;
   }
-  return argument ? -1 : 0;
+  if (wants && count < 2) {
+    fprintf(stderr, "gloved-command: %s needs %s\n", word[0], wants);
+    return -1;
+  }
+  if (count > (wants ? 2 : 1)) {
+    fprintf(stderr, "gloved-command: %s: nothing more was expected after %s; see gloved-command --help\n", word[wants ? 2 : 1], word[wants ? 1 : 0]);
+    return -1;
+  }
+  if (!wants) return 0;
+  if (!takes_number(command->kind)) {
+    command->text = word[1];
+    return 0;
+  }
+  command->value = strtod(word[1], &end);
+  if (end != word[1] && !*end) return 0;
+  fprintf(stderr, "gloved-command: %s %.40s: not a number; give %s\n", word[0], word[1], wants);
+  return -1;
+}
+
+// What is in force comes as "NAME VALUE; NAME VALUE; ...": a line for each.
+static void print_status(const char *values) {
+  while (*values) {
+    const char *end = strstr(values, "; ");
+    const int length = end ? (int)(end - values) : (int)strlen(values), name = (int)strcspn(values, " ");
+    printf("%-19.*s %.*s\n", name, values, length - name > 0 ? length - name - 1 : 0, values + name + 1);
+    values += length + (end ? 2 : 0);
+  }
+}
+
+static void print_answer(const answer *a, bool whole) {
+  const char *value = strstr(a->text, "done: ");
+  if (a->refused || a->kind != GV_REQUEST_STATUS || !value) puts(a->text);
+  else if (whole) print_status(value + 6);
+  else puts(value + 6);
 }
 
 int main(int argc, char **argv) {
   gv_keep_standard_files();
   if (program_answers(argc, argv, help_text)) return 0;
   static char no_text[] = "";
-  if (argc < 2 || argc > 3) return usage();
-  gloved_command_t command = {.kind = (int8_t)find_kind(argv[1]), .text = no_text};
-  if (command.kind < 0 || take_argument(&command, argc > 2 ? argv[2] : NULL)) return usage();
+  gloved_command_t command = {.text = no_text};
+  if (argc < 2) {
+    fputs("gloved-command: say which command; see gloved-command --help\n", stderr);
+    return 2;
+  }
+  if (take_words(&command, argc - 1, argv + 1)) return 2;
   const char *url = getenv("LCM_DEFAULT_URL") ? getenv("LCM_DEFAULT_URL") : "udpm://239.255.76.67:7667?ttl=0";
   lcm_t *lcm = lcm_create(url);
   if (!lcm) {
@@ -102,7 +142,7 @@ int main(int argc, char **argv) {
   const time_t end = time(NULL) + (command.kind == GV_REQUEST_SCENE ? SCENE_S : ANSWER_S);
   while (!a.came && time(NULL) < end) lcm_handle_timeout(lcm, 100);
   lcm_destroy(lcm);
-  if (a.came) printf("%s\n", a.text);
+  if (a.came) print_answer(&a, !*command.text);
   else fprintf(stderr, "gloved-command: no answer; is gloved running, with the same --lcm?\n");
   return a.came && !a.refused ? 0 : 1;
 }

@@ -110,6 +110,7 @@ static void put_head(top *t) {
       (long long)s->step, t->rate_hz, silent_s > 0.5 ? "   SILENT" : "");
   if (silent_s > 0.5) put(t, "no message for %.0f s: gloved has ended, or it is not reached from here", silent_s);
   else if (s->faults) put(t, "fault: %s", gv_fault_text((uint32_t)s->faults));
+  else if (s->dead_man && s->safety_state == GV_SAFETY_READY) put(t, "let go of the dead-man switch, then press it again");
   else put(t, "dead-man switch %s", s->dead_man ? "held" : "open");
 }
 

@@ -131,7 +131,7 @@ static int open_telemetry(program *p) {
   const bool required = p->options.lcm || strcmp(p->settings.lcm, defaults.lcm) != 0;
   const gv_telemetry_config telemetry = {.lcm_url = p->settings.lcm, .lcm_required = required, .log_path = p->options.check ? NULL : p->options.log,
                                          .scene = &p->world.scene, .hand = &p->settings.engine.hand, .arena = &p->world.arena, .about = &p->about,
-                                         .begin_scene = begin_scene, .scene_ended = scene_ended, .user = p, .give_up = &give_up};
+                                         .settings = &p->settings, .begin_scene = begin_scene, .scene_ended = scene_ended, .user = p, .give_up = &give_up};
   p->telemetry = gv_telemetry_open(&telemetry, p->err, sizeof p->err);
   if (p->telemetry && p->err[0]) fprintf(stderr, "gloved: going on without LCM: %s\n", p->err);
   return p->telemetry ? 0 : -1;

@@ -217,9 +217,10 @@ static void change_scene(void) {
 static void ask(void) {
   gv_request request;
   const double value = chance(0.2) ? uniform(-1e9, 1e9) : chance(0.1) ? NAN : uniform(0, 2.5);
-  const char *refusal = gv_request_check(any(12) - 2, value, chance(0.5) ? "data/scenes/box.scene" : "../x\x1b[2J", &s.rate, s.now_ns, &request);
+  const gv_request_message message = {any(13) - 2, value, chance(0.5) ? "data/scenes/box.scene" : "../x\x1b[2J", 0};
+  char why[GV_REQUEST_WHY];
   s.requests++;
-  if (refusal) return;
+  if (!gv_request_check(&message, &s.rate, s.now_ns, &request, why)) return;
   if (request.kind == GV_REQUEST_SCENE) change_scene();
   else gv_session_request(&s.session, &request);
   if (request.kind == GV_REQUEST_RESET) look_at_start();

@@ -110,6 +110,28 @@ class Daemon:
         return "no answer"
 
 
+def command(*words):
+    told = subprocess.run([B + "/gloved-command", *words], env=dict(os.environ, LCM_DEFAULT_URL=URL), capture_output=True, text=True)
+    return told.returncode, told.stdout, told.stderr
+
+
+def check_status():
+    """A person's view, after coupling 1.5, friction 0.6, a log and disarm."""
+    code, told, _ = command("status")
+    values = dict(line.split(None, 1) for line in told.splitlines())
+    wanted = {"state": "ready", "switch": "held (let go of it, then press it again, to feel a force)", "hand": "right", "log": "live.lcm",
+              "friction": "0.6, of the skin", "laxer-than-default": "nothing", "configuration": "the defaults"}
+    wrong = {k: values.get(k) for k in wanted if values.get(k) != wanted[k]}
+    has = {"scene": "box.scene (", "device": "sim:", "coupling": "1.5 times the configured (limbs 300 N/m", "limits": "12 N a finger, ",
+           "rates": "1000 Hz the loop", "version": "running since 20", "solver": "narrow phase core"}
+    wrong |= {k: values.get(k) for k in has if has[k] not in values.get(k, "")}
+    verdict("status_says_what_is_in_force", f"{code}: {wrong}\n{told}" if wrong or code else "")
+    time.sleep(1)
+    got = [command("get", "state"), command("get", "limiter.max_n"), command("get", "limiter.min_n")]
+    good = got[:2] == [(0, "ready\n", ""), (0, "12.0\n", "")] and got[2][0] == 1 and "limiter.min_n: no value has such a name; give state, " in got[2][1]
+    verdict("get_says_one_value", "" if good else f"{got}")
+
+
 def check_commands(lcm, types, folder):
     d = Daemon(lcm, types, folder, 5.5)
     wanted = []
@@ -121,23 +143,27 @@ def check_commands(lcm, types, folder):
     expect("command reset: done", 0)
     expect("command coupling: done", 2, 1.5)
     expect("command friction: done", 3, 0.6)
-    expect("command coupling: refused: give a multiple from 0.1 to 2", 2, 2.5)
-    expect("command friction: refused: give a coefficient from 0 to 2", 3, math.nan)
-    expect("command scene: refused: there is no such file in the daemon's directory", 1, 0.0, "data/scenes/frame.scene")
-    expect("command start log: refused: give a file name of letters, digits, . _ - and no folder", 4, 0.0, "../x.lcm")
-    expect("command ?: refused: no such command; see data/lcm/gloved_command_t.lcm", 99)
+    expect("command coupling: refused: 2.5 is above 2; give a multiple from 0.1 to 2", 2, 2.5)
+    expect("command friction: refused: not a number; give a coefficient from 0 to 2", 3, math.nan)
+    expect("command scene: refused: data/scenes/frame.scene: there is no such file in the daemon's directory", 1, 0.0, "data/scenes/frame.scene")
+    expect("command start log: refused: ../x.lcm: give a file name of letters, digits, . _ - and no folder", 4, 0.0, "../x.lcm")
+    expect("command ?: refused: no command has the number 99; see data/lcm/gloved_command_t.lcm", 99)
     time.sleep(1.1)
     for junk in (b"", b"x" * 200, types.command_t().encode()[:-1], types.state_t._get_packed_fingerprint() + bytes(40),
                  types.command_t().encode()[:25] + struct.pack(">i", 2**31 - 1) + b"\0"):
         before = len(d.messages["GLOVED_EVENT"])
         d.link.publish("GLOVED_COMMAND", junk)
         wanted.append(("command ?: refused: not a gloved_command_t; use the type in data/lcm", d.answer(before)))
+    expect("command status: done: 300.0", 8, 0.0, "coupling.limb.k_f")
+    expect("command status: done: 0.6, of the skin", 8, 0.0, "friction")
+    expect("command status: done: 0.6", 8, 0.0, "contact.mu_hand")
     expect("command start log: done", 4, 0.0, "live.lcm")
-    expect("command start log: refused: a log is being written; stop it first", 4, 0.0, "other.lcm")
+    expect("command start log: refused: live.lcm is being written; stop that log first", 4, 0.0, "other.lcm")
     d.until(2.0)
     verdict("the_finger_presses", "" if d.state().safety_state == ACTIVE and d.state().force_commanded_n[1] > 0.1 else f"state {d.state().safety_state}")
     expect("command reset: refused: not while a force may flow; disarm first", 0)
     expect("command disarm: done", 6)
+    check_status()
     expect("command stop log: done", 5)
     expect("command stop log: refused: no log is being written", 5)
     disarmed_at = d.state().time_s
@@ -154,8 +180,8 @@ def check_commands(lcm, types, folder):
     stats = d.of("GLOVED_STATS", "stats_t")
     verdict("commands_take_effect", "" if stats and stats[-1].mu_hand == 0.6 and abs(stats[-1].limb_k_f - 1.5 * 200) < 1e-9
             else f"{stats and (stats[-1].mu_hand, stats[-1].limb_k_f)}")
-    verdict("refusals_are_counted", "" if stats and stats[-1].commands_refused == sum("refused" in w for w, _ in wanted)
-            else f"{stats and stats[-1].commands_refused}")
+    verdict("refusals_are_counted", "" if stats and stats[-1].commands_refused == 1 + sum("refused" in w for w, _ in wanted)
+            else f"{stats and stats[-1].commands_refused}")  # 1: get_says_one_value
     logged = {e.channel for e in lcm.EventLog(folder + "/live.lcm")}
     verdict("a_log_by_command", "" if {"GLOVED_STATE", "GLOVED_TRACE", "GLOVED_EVENT"} <= logged else f"{logged}")
 
@@ -177,7 +203,7 @@ def check_bad_scenes(d, folder):
     for i, (file, why) in enumerate(bad.items()):
         time.sleep(0.15)  # at most 10 a second
         got = d.ask(1, 0.0, file)
-        if got != "command scene: refused: " + why:
+        if got != f"command scene: refused: {file[:40] or '(nothing)'}: {why}":
             wrong.append(f"{file[:40]}: {got}")
     got = d.ask(1, 0.0, "bad.scene")
     if not got.startswith("command scene: refused: bad.scene:2: "):
@@ -292,7 +318,7 @@ def check_forged_answer(lcm, types, folder):
     stop.set()
     forger.join()
     d.finish()
-    good = told.returncode == 1 and told.stdout == "command friction: refused: give a coefficient from 0 to 2\n"
+    good = told.returncode == 1 and told.stdout == "command friction: refused: 7 is above 2; give a coefficient from 0 to 2\n"
     verdict("a_forged_answer_is_not_believed", "" if good else f"{told}")
 
 

@@ -89,6 +89,19 @@ for tool in demo view record-trace packages; do
 done
 "$gloved" --version | grep -qE '^gloved [0-9]+\.[0-9]+'; verdict version $?
 
+# gloved-command says what is wrong with which word, before it asks anybody.
+command_refused() { # NAME WORDS... (the last: what standard error must say)
+  name=$1; shift
+  for last; do :; done
+  said=$("$B/gloved-command" ${1:+"$1"} ${3:+"$2"} ${4:+"$3"} 2>&1 >/dev/null); code=$?
+  [ $code -eq 2 ] && [ "$(printf '%s\n' "$said" | wc -l)" -eq 1 ] && printf %s "$said" | grep -qF "$last"
+  verdict "command_$name" $? "exit $code: $said"
+}
+command_refused unknown bogus 'bogus: no such command; give reset, scene,'
+command_refused not_a_number coupling much 'coupling much: not a number; give a multiple, 0.1 to 2'
+command_refused argument_missing friction 'friction needs a coefficient, 0 to 2'
+command_refused argument_too_many disarm now 'now: nothing more was expected after disarm'
+
 "$gloved" --check --fcu "$press" --lcm none --summary "$tmp/check.json" > "$tmp/out" 2> "$tmp/err"; code=$?
 [ "$code" -eq 0 ] && [ ! -s "$tmp/err" ] && [ ! -e "$tmp/check.json" ] && grep -q 'box.scene; 2 objects' "$tmp/out" && ! grep -q steps "$tmp/out"
 verdict check_says_what_it_found $? "exit $code: $(cat "$tmp/out" "$tmp/err")"

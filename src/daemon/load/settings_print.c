@@ -7,7 +7,7 @@
 
 #include "daemon/load/settings_table.h"
 
-enum { COMMENT_COLUMN = 24, LINE = 512 };
+enum { COMMENT_COLUMN = 24, LINE = GV_SETTINGS_VALUE };
 
 // The shortest text that reads as the same number, always as one with a point or an exponent.
 static void number_text(double value, char out[40]) {
@@ -18,28 +18,28 @@ static void number_text(double value, char out[40]) {
   if (!strpbrk(out, ".en")) strcat(out, ".0");
 }
 
-static void value_text(const gv_setting *s, const void *configuration, char out[LINE]) {
+void gv_settings_value_text(const gv_setting *s, const void *configuration, char out[GV_SETTINGS_VALUE]) {
   const char *at = (const char *)configuration + s->offset;
   char number[40];
   switch (s->kind) {
     case GV_SETTING_NUMBER:
     case GV_SETTING_LENGTH:
       number_text(gv_setting_value(s, configuration), number);
-      snprintf(out, LINE, "%s", number);
+      snprintf(out, GV_SETTINGS_VALUE, "%s", number);
       return;
     case GV_SETTING_FINGERS:
-      snprintf(out, LINE, "[");
+      snprintf(out, GV_SETTINGS_VALUE, "[");
       for (int i = 0; i < GV_FINGERS; i++) {
         number_text(((const double *)(const void *)at)[i], number);
-        snprintf(out + strlen(out), LINE - strlen(out), "%s%s", i ? ", " : "", number);
+        snprintf(out + strlen(out), GV_SETTINGS_VALUE - strlen(out), "%s%s", i ? ", " : "", number);
       }
-      snprintf(out + strlen(out), LINE - strlen(out), "]");
+      snprintf(out + strlen(out), GV_SETTINGS_VALUE - strlen(out), "]");
       return;
     case GV_SETTING_COUNT:
-    case GV_SETTING_INTEGER: snprintf(out, LINE, "%.0f", gv_setting_value(s, configuration)); return;
-    case GV_SETTING_BOOL: snprintf(out, LINE, "%s", *(const bool *)(const void *)at ? "true" : "false"); return;
-    case GV_SETTING_CHOICE: snprintf(out, LINE, "\"%s\"", s->words[*(const int *)(const void *)at]); return;
-    case GV_SETTING_TEXT_OF: snprintf(out, LINE, "\"%s\"", at); return;
+    case GV_SETTING_INTEGER: snprintf(out, GV_SETTINGS_VALUE, "%.0f", gv_setting_value(s, configuration)); return;
+    case GV_SETTING_BOOL: snprintf(out, GV_SETTINGS_VALUE, "%s", *(const bool *)(const void *)at ? "true" : "false"); return;
+    case GV_SETTING_CHOICE: snprintf(out, GV_SETTINGS_VALUE, "\"%s\"", s->words[*(const int *)(const void *)at]); return;
+    case GV_SETTING_TEXT_OF: snprintf(out, GV_SETTINGS_VALUE, "\"%s\"", at); return;
   }
 }
 
@@ -62,7 +62,7 @@ static void print_rows(FILE *out, int indent, const char *group, gv_settings *se
   int at = 0;
   for (gv_settings_row row = gv_settings_next(group, settings, &at); row.setting; row = gv_settings_next(group, settings, &at)) {
     char value[LINE], code[LINE + 64];
-    value_text(row.setting, row.configuration, value);
+    gv_settings_value_text(row.setting, row.configuration, value);
     snprintf(code, sizeof code, "%s = %s;", row.setting->key, value);
     print_line(out, indent, code, row.setting->sentence);
   }

@@ -17,6 +17,10 @@ int gv_settings_set_word(const char *group, const char *key, gv_config *out, con
 typedef struct gv_settings_row { const gv_setting *setting; void *configuration; } gv_settings_row;
 gv_settings_row gv_settings_next(const char *group, gv_settings *settings, int *io_at);
 
+// The value as the file would say it (settings_print.c).
+enum { GV_SETTINGS_VALUE = 512 };
+void gv_settings_value_text(const gv_setting *setting, const void *configuration, char out[GV_SETTINGS_VALUE]);
+
 // Millimetres of a file in metres, with the last bit that the same number written in metres has.
 double gv_settings_metres(double mm);
 

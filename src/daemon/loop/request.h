@@ -17,11 +17,13 @@ typedef enum gv_request_kind { // as in data/lcm/gloved_command_t.lcm
   GV_REQUEST_STOP_LOG,
   GV_REQUEST_DISARM,       // no force until the dead-man switch was let go and pressed again
   GV_REQUEST_TRACE,        // value: 1 publish GLOVED_TRACE, 0 do not
+  GV_REQUEST_STATUS,       // text: name of a value that is in force, empty: all of them; changes nothing
   GV_REQUEST_KINDS
 } gv_request_kind;
 
 enum {
   GV_REQUEST_TEXT = 200,      // bytes of a file name with its final zero
+  GV_REQUEST_WHY = 400,       // bytes of a refusal
   GV_REQUEST_PER_SECOND = 10  // more are refused
 };
 #define GV_REQUEST_COUPLING_MIN 0.1
@@ -38,9 +40,13 @@ typedef struct gv_request {
 // How many requests came in the second that began at second_ns.
 typedef struct gv_request_rate { int64_t second_ns; int count; } gv_request_rate;
 
-// Null where the request is sound and not too frequent, otherwise why it is refused and what to do. kind, value and
-// text as they came. now_ns: a clock that runs on.
-const char *gv_request_check(int kind, double value, const char *text, gv_request_rate *rate, int64_t now_ns, gv_request *out);
+// A request as it came, before anybody looked at it.
+typedef struct gv_request_message { int kind; double value; const char *text; int64_t tag; } gv_request_message;
+
+// True where the request is sound and not too frequent; else out_why says what is wrong with which value, and what to do.
+// now_ns: a clock that runs on.
+bool gv_request_check(const gv_request_message *message, gv_request_rate *rate, int64_t now_ns, gv_request *out,
+                      char out_why[GV_REQUEST_WHY]);
 // Whether a message that is no command may be answered now: ten times a second.
 bool gv_request_may_complain(gv_request_rate *rate, int64_t now_ns);
 // "reset", "scene", ...; "?" beyond the range.

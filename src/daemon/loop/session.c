@@ -315,7 +315,8 @@ bool gv_session_request(gv_session *session, const gv_request *request) {
     case GV_REQUEST_FRICTION: return gv_engine_adjust(engine, &cfg->limb, &cfg->palm, request->value) == 0;
     case GV_REQUEST_DISARM: session->disarmed = true; return true;
     case GV_REQUEST_SCENE: return !force_may_flow(session);
-    case GV_REQUEST_START_LOG: case GV_REQUEST_STOP_LOG: case GV_REQUEST_TRACE: case GV_REQUEST_KINDS: break;
+    case GV_REQUEST_START_LOG: case GV_REQUEST_STOP_LOG: case GV_REQUEST_TRACE: case GV_REQUEST_STATUS:
+    case GV_REQUEST_KINDS: break;
   }
   return false;
 }

@@ -94,11 +94,19 @@ static const char *engine_event_text(uint32_t bit) {
   return "unknown event";
 }
 
+static const char *refusal_text(int kind) {
+  switch (kind) {
+    case GV_REQUEST_COUPLING:
+      return "coupling.limb or coupling.palm would leave its bounds; give one nearer to 1";
+    case GV_REQUEST_FRICTION: return "out of the bounds of contact.mu_hand; give one nearer to 0.8";
+    default: return "not while a force may flow; disarm first";
+  }
+}
+
 static void request_text(uint32_t bits, char out[GV_RECORD_TEXT]) {
   const int kind = (int)(bits & 0xff);
-  const char *why = kind == GV_REQUEST_RESET || kind == GV_REQUEST_SCENE ? "not while a force may flow; disarm first" : "out of range with the values configured";
   const bool refused = (bits & GV_RECORD_REFUSED) != 0;
-  snprintf(out, GV_RECORD_TEXT, "command %s: %s%s", gv_request_name(kind), refused ? "refused: " : "done", refused ? why : "");
+  snprintf(out, GV_RECORD_TEXT, "command %s: %s%s", gv_request_name(kind), refused ? "refused: " : "done", refused ? refusal_text(kind) : "");
 }
 
 void gv_record_text(const gv_record *record, char out[GV_RECORD_TEXT]) {

@@ -8,10 +8,12 @@
 
 #include "daemon/load/config_load.h"
 
+#include <errno.h>
 #include <fcntl.h>
 #include <inttypes.h>
 #include <lcm/lcm.h>
 #include <math.h>
+#include <stdarg.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -20,6 +22,7 @@
 #include <unistd.h>
 
 #include "daemon/tell/drake.h"
+#include "daemon/tell/status.h"
 #include "gloved_about_t.h"
 #include "gloved_command_t.h"
 #include "gloved_event_t.h"
@@ -37,7 +40,7 @@ enum { BATCH_STEPS = 100, BATCH_BYTES = 60000, STEP_BYTES = 86, FRAME_BYTES = 14
 // What is known of a command before its text: fingerprint, utime, kind, value, length of the text.
 enum { COMMAND_HEAD = 8 + 8 + 1 + 8 + 4, COMMAND_TEXT_AT = COMMAND_HEAD - 4 };
 _Static_assert(GV_RECORD_REQUEST == 4, "programs that send commands wait for events of kind 4");
-enum { EVENT_COMMAND = GV_RECORD_REQUEST, COMMANDS_A_PASS = 32, ANSWER_TEXT = 600 };
+enum { EVENT_COMMAND = GV_RECORD_REQUEST, COMMANDS_A_PASS = 32, ANSWER_TEXT = GV_STATUS_BYTES + 100, QUESTIONS = GV_REQUEST_PER_SECOND };
 _Static_assert(1200 + GV_LIMBS * 160 + GV_MAX_OBJECTS * (4 + GV_MAX_NAME + 1 + 104) + GV_MAX_CONTACTS * 92 + GV_MAX_POLYGONS * 48 < MESSAGE_MAX,
                "GLOVED_STATE does not fit its buffer");
 _Static_assert(GV_DRAKE_LINKS * 56 + GV_DRAKE_LINKS * 16 + 4 * GV_DRAKE_NUMBERS < MESSAGE_MAX,
@@ -62,6 +65,13 @@ typedef struct statistics {
   int64_t in_bin[2 + GV_STAGES][GV_HISTOGRAM_COARSE];
 } statistics;
 
+// How many frames went each way in the last whole second.
+typedef struct rates {
+  int64_t since_us;          // 0: not begun
+  uint64_t received, sent;   // then
+  double received_hz, sent_hz;
+} rates;
+
 typedef struct batch {
   gloved_trace_t trace;
   gloved_step_t step[BATCH_STEPS];
@@ -78,6 +88,7 @@ struct gv_telemetry {
   const atomic_bool *give_up;
   const gv_hand_model *hand;
   const gv_about *about;
+  const gv_settings *settings;
   const char *(*begin_scene)(void *user, const char *file, int64_t now_ns);
   bool (*scene_ended)(void *user, int64_t now_ns, const char **out_refusal);
   bool scene_loading;        // `scene` waits for it
@@ -89,6 +100,11 @@ struct gv_telemetry {
   bool listens;              // to commands
   gv_request_rate rate;      // of commands
   gv_request_rate complaints; // about messages that are none
+  gv_request question[QUESTIONS]; // what is in force: answered from the next snapshot
+  int questions;
+  rates rates;
+  char why[GV_REQUEST_WHY];  // the last refusal
+  char log_name[GV_SETTING_TEXT];
   int64_t listened_ns, next_stats_us, next_about_us;
   uint64_t failed, commands_refused;
   int64_t log_events;
@@ -445,9 +461,9 @@ static void send_event(gv_telemetry *telemetry, const gloved_event_t *event) {
 }
 
 // The answer to a command that does not reach the loop.
-static void answer(gv_telemetry *telemetry, int kind, int64_t tag, const char *refusal) {
+static void answer_with(gv_telemetry *telemetry, int kind, int64_t tag, const char *refusal, const char *value) {
   char text[ANSWER_TEXT];
-  snprintf(text, sizeof text, "command %s: %s%s", gv_request_name(kind), refusal ? "refused: " : "done", refusal ? refusal : "");
+  snprintf(text, sizeof text, "command %s: %s%s", gv_request_name(kind), refusal ? "refused: " : "done", refusal ? refusal : value);
   telemetry->commands_refused += refusal ? 1 : 0;
   send_event(telemetry, &(gloved_event_t){.utime = now_us(), .step = telemetry->state.step,
                                           .time_s = telemetry->state.time_s, .kind = EVENT_COMMAND,
@@ -455,19 +471,33 @@ static void answer(gv_telemetry *telemetry, int kind, int64_t tag, const char *r
                                           .text = text});
 }
 
+static void answer(gv_telemetry *telemetry, int kind, int64_t tag, const char *refusal) {
+  answer_with(telemetry, kind, tag, refusal, "");
+}
+
 static void want_trace(gv_telemetry *telemetry) {
   atomic_store(&telemetry->loop->trace, telemetry->trace_asked || telemetry->log);
 }
 
+__attribute__((format(printf, 2, 3))) static const char *because(gv_telemetry *telemetry, const char *format, ...) {
+  va_list arguments;
+  va_start(arguments, format);
+  vsnprintf(telemetry->why, sizeof telemetry->why, format, arguments);
+  va_end(arguments);
+  return telemetry->why;
+}
+
 static const char *start_log(gv_telemetry *telemetry, const char *path) {
   struct stat there;
-  if (telemetry->log) return "a log is being written; stop it first";
-  if (lstat(path, &there) == 0) return "there is such a file; choose another name";
+  if (telemetry->log) return because(telemetry, "%s is being written; stop that log first", telemetry->log_name);
+  if (lstat(path, &there) == 0) return because(telemetry, "%s: there is such a file; choose another name", path);
   telemetry->log = lcm_eventlog_create(path, "w");
   telemetry->log_events = 0;
   want_trace(telemetry);
-  if (telemetry->log) send_about(telemetry, true);
-  return telemetry->log ? NULL : "the file cannot be written; look at the daemon's directory";
+  if (!telemetry->log) return because(telemetry, "%s: cannot be written (%s); look at the daemon's directory", path, strerror(errno));
+  snprintf(telemetry->log_name, sizeof telemetry->log_name, "%s", path);
+  send_about(telemetry, true);
+  return NULL;
 }
 
 static const char *stop_log(gv_telemetry *telemetry) {
@@ -476,6 +506,39 @@ static const char *stop_log(gv_telemetry *telemetry) {
   end_log(telemetry);
   want_trace(telemetry);
   return NULL;
+}
+
+// What is in force is answered from a snapshot that is newer than every answer before: who has set a value reads it.
+static const char *ask_for_status(gv_telemetry *telemetry, const gv_request *request) {
+  if (telemetry->questions == QUESTIONS) return "the loop tells nothing now; try again";
+  telemetry->question[telemetry->questions++] = *request;
+  return NULL;
+}
+
+static void answer_questions(gv_telemetry *telemetry, const gv_snapshot *snapshot) {
+  static char text[2 + GV_STATUS_BYTES];
+  const gv_status status = {.about = telemetry->about, .settings = telemetry->settings, .snapshot = snapshot,
+                            .received_hz = telemetry->rates.received_hz, .sent_hz = telemetry->rates.sent_hz,
+                            .log = telemetry->log ? telemetry->log_name : ""};
+  for (int i = 0; i < telemetry->questions; i++) {
+    const gv_request *question = &telemetry->question[i];
+    memcpy(text, ": ", 2);
+    const bool known = gv_status_text(&status, question->text, text + 2);
+    answer_with(telemetry, GV_REQUEST_STATUS, question->tag, known ? NULL : text + 2, text);
+  }
+  telemetry->questions = 0;
+}
+
+static void count_rates(rates *r, const gv_snapshot *snapshot) {
+  const double seconds = (double)(snapshot->utime - r->since_us) * 1e-6;
+  if (r->since_us && seconds < 1.0) return;
+  if (r->since_us) {
+    r->received_hz = (double)(snapshot->frames.rx - r->received) / seconds;
+    r->sent_hz = (double)(snapshot->frames.tx - r->sent) / seconds;
+  }
+  r->since_us = snapshot->utime;
+  r->received = snapshot->frames.rx;
+  r->sent = snapshot->frames.tx;
 }
 
 static const char *pass_on(gv_telemetry *telemetry, const gv_request *request) {
@@ -530,6 +593,9 @@ static void obey(gv_telemetry *telemetry, const gv_request *request) {
     case GV_REQUEST_SCENE:
       if (!(refusal = ask_for_scene(telemetry, request))) return;
       break;
+    case GV_REQUEST_STATUS:
+      if (!(refusal = ask_for_status(telemetry, request))) return;
+      break;
     case GV_REQUEST_KINDS: return; // refused by gv_request_check
   }
   answer(telemetry, (int)request->kind, request->tag, refusal);
@@ -559,10 +625,10 @@ static void on_command(const lcm_recv_buf_t *buffer, const char *channel, void *
     }
     return;
   }
-  const char *refusal = gv_request_check(command.kind, command.value, command.text, &telemetry->rate, telemetry->listened_ns, &request);
-  request.tag = command.utime;
-  if (refusal) answer(telemetry, command.kind, command.utime, refusal);
-  else obey(telemetry, &request);
+  const gv_request_message message = {command.kind, command.value, command.text, command.utime};
+  char why[GV_REQUEST_WHY];
+  if (gv_request_check(&message, &telemetry->rate, telemetry->listened_ns, &request, why)) obey(telemetry, &request);
+  else answer(telemetry, command.kind, command.utime, why);
   gloved_command_t_decode_cleanup(&command);
 }
 
@@ -593,6 +659,8 @@ void gv_telemetry_snapshot(gv_telemetry *telemetry, const gv_snapshot *snapshot)
   send_message(telemetry, "GLOVED_STATE", state->utime, gloved_state_t_encode(telemetry->message, 0, MESSAGE_MAX, state));
   if (is_due(&telemetry->next_stats_us, state->utime, STATS_US)) send_stats(telemetry, snapshot);
   send_picture(telemetry, snapshot);
+  count_rates(&telemetry->rates, snapshot);
+  answer_questions(telemetry, snapshot);
   if (now_us() >= telemetry->next_about_us) send_about(telemetry, false);
 }
 
@@ -654,6 +722,8 @@ gv_telemetry *gv_telemetry_open(const gv_telemetry_config *cfg, char *err, size_
   telemetry.give_up = cfg->give_up;
   telemetry.hand = cfg->hand;
   telemetry.about = cfg->about;
+  telemetry.settings = cfg->settings;
+  if (cfg->log_path) snprintf(telemetry.log_name, sizeof telemetry.log_name, "%s", cfg->log_path);
   telemetry.begin_scene = cfg->begin_scene;
   telemetry.scene_ended = cfg->scene_ended;
   telemetry.user = cfg->user;

@@ -6,6 +6,7 @@
 #include <stddef.h>
 
 #include "daemon/load/about.h"
+#include "daemon/load/config_load.h"
 #include "gloved/arena.h"
 #include "gloved/scene.h"
 #include "daemon/loop/loop.h"
@@ -25,6 +26,7 @@ typedef struct gv_telemetry_config {
   bool (*scene_ended)(void *user, int64_t now_ns, const char **out_refusal);
   void *user;                  // of these two
   const gv_about *about;       // must outlive the telemetry
+  const gv_settings *settings; // the same
   const atomic_bool *give_up;  // from when on nothing is sent any more (the log goes on)
 } gv_telemetry_config;
 
