@@ -30,7 +30,7 @@ OBJ      = $(1:%.c=$(B)/%.o)
 LIB     := $(B)/libgloved.a
 
 RUN_PACKAGES  := gcc libc6-dev libode-dev libccd-dev liblcm-dev liblcm-bin libconfig-dev zlib1g-dev
-TEST_PACKAGES := $(RUN_PACKAGES) clang perl python3-venv can-utils glmark2-data valgrind help2man pkg-config
+TEST_PACKAGES := $(RUN_PACKAGES) clang perl python3-venv can-utils glmark2-data valgrind pkg-config
 RT_PACKAGES   := qemu-system-x86 busybox-static cpio python3
 CAN_PACKAGES  := can-utils user-mode-linux kmod iproute2
 
@@ -385,16 +385,13 @@ $(B)/lib/$(SONAME): $(PUBLIC:%.c=$(B)/lib/%.o)
 library: $(B)/lib/libgloved.a $(B)/lib/$(SONAME)
 
 # Manual pages from the programs' own --help.
-build/.man-packages: build/.run-packages
-	$(Q)tools/packages help2man
-	@touch $@
-$(PROGRAMS:%=$(B)/man/%.1): $(B)/man/%.1: $(B)/% build/.man-packages
+what     = "$$(sed -n 's/^$1  *//p' data/install/names)"
+$(PROGRAMS:%=$(B)/man/%.1): $(B)/man/%.1: $(B)/% tools/manual-page data/install/names
 	@mkdir -p $(@D)
-	$(Q)help2man --no-info --no-discard-stderr --name "$$(sed -n 's/^$* *//p' data/install/names)" --version-string '$* $(VERSION)' -o $@ $(B)/$*
-# The scripts fetch packages from PyPI before they can help: a page that says so.
-$(SCRIPTS:%=$(B)/man/%.1): $(B)/man/%.1: data/install/script.man data/install/names
+	$(Q)$(B)/$* --help | tools/manual-page $* $(VERSION) $(call what,$*) > $@
+$(SCRIPTS:%=$(B)/man/%.1): $(B)/man/%.1: tools/% tools/manual-page data/install/names
 	@mkdir -p $(@D)
-	$(Q)sed "s,@NAME@,$*,;s,@VERSION@,$(VERSION),;s,@WHAT@,$$(sed -n 's/^$* *//p' data/install/names)," $< > $@
+	$(Q)tools/$* --help | tools/manual-page $* $(VERSION) $(call what,$*) > $@
 man: $(MANUALS:%=$(B)/man/%.1)
 
 SHARE := share/gloved
@@ -413,7 +410,7 @@ install: $(PROGRAMS:%=$(B)/%) library man
 	$(Q)for f in $(data_files); do $(call put,644,$$f,$(SHARE)/$${f#data/}); done
 	$(Q)for f in tools/with-python tools/packages tools/mesh/python; do $(call put,755,$$f,lib/gloved/$$f); done
 	$(Q)for f in tools/*.py tools/mesh/*.py; do $(call put,644,$$f,lib/gloved/$$f); done
-	$(Q)for f in tools/version; do $(call put,755,$$f,lib/gloved/$$f); done; echo '$(VERSION)' > $(B)/version; $(call put,644,$(B)/version,lib/gloved/version)
+	$(Q)for f in tools/version; do $(call put,755,$$f,lib/gloved/$$f); done; echo '$(VERSION) ($(COMMIT))' > $(B)/version; $(call put,644,$(B)/version,lib/gloved/version)
 	$(Q)for s in $(SCRIPTS); do $(call put,755,tools/$$s,lib/gloved/tools/$$s); ln -sf ../lib/gloved/tools/$$s "$(DESTDIR)$(PREFIX)/bin/$$s"; done
 	$(Q)ln -sfn ../../$(SHARE) "$(DESTDIR)$(PREFIX)/lib/gloved/data"
 	$(Q)sed 's,@PREFIX@,$(PREFIX),;s,@LIBDIR@,$(LIBDIR),;s,@VERSION@,$(VERSION),' data/install/gloved.pc > $(B)/gloved.pc
@@ -447,7 +444,7 @@ deb: build/.deb-packages dist
 	$(Q)cd build/deb/gloved-$(VERSION) && dpkg-buildpackage -us -uc -b -j$$(nproc) > ../log 2>&1 || { tail -n 20 ../log; exit 1; }
 	$(Q)cd build/deb && lintian --allow-root --fail-on error,warning gloved_$(VERSION)*.changes && ls *.deb
 build/.deb-packages: build/.run-packages
-	$(Q)tools/packages build-essential debhelper dpkg-dev fakeroot lintian help2man pkg-config
+	$(Q)tools/packages build-essential debhelper dpkg-dev fakeroot lintian pkg-config
 	@touch $@
 .PHONY: library man install uninstall dist deb
 

@@ -22,14 +22,15 @@ static const char help_text[] =
   "  coupling MULTIPLE   stiffness, 0.1 to 2 times the configured one\n"
   "  friction MU         of the hand's skin, 0 to 2\n"
   "  start-log FILE      a new LCM log in the daemon's directory\n"
-  "  stop-log\n"
+  "  stop-log            ends it\n"
   "  disarm              no force until the dead-man switch was let go and pressed again\n"
   "  trace 1|0           publish GLOVED_TRACE or not\n"
   "  status              what is in force now: state, scene, device, coupling, friction, limits, rates, ...\n"
   "  get NAME            one of these alone, or a setting of the configuration: get limiter.max_n\n"
   "  --help, --version\n"
   "\n"
-  "LCM_DEFAULT_URL as gloved --lcm. Exit codes: 0 done, 1 refused or no answer, 2 bad usage. Nothing here arms.\n";
+  "LCM_DEFAULT_URL as gloved --lcm. Nothing here arms.\n"
+  "Exit codes: 0 done, 1 refused or no answer, 2 bad usage.\n";
 
 enum { EVENT_COMMAND = 4, REFUSED = 256, ANSWER_S = 3, SCENE_S = 15 };  // a large scene takes seconds to load
 

@@ -13,11 +13,11 @@
 #include "tools/program.h"
 
 static const char help[] =
-  "gloved-trace: candump -L recordings of the glove's wire\n"
+  "gloved-trace: recordings of the glove's wire, in the form of candump -L.\n"
+  "\n"
   "  gloved-trace info FILE\n"
   "      Frames, rates, gaps, losses, checksum errors, ages and the kind of samples in a log (plain or gzip).\n"
-  "  gloved-trace import TABLE -o FILE [--wrist TRAJ [--wrist-rate HZ]] [--rate HZ] [--left] [--columns LIST] [--rows HZ]\n"
-  "                      [--degrees | --counts MAX] [--virtualhand]\n"
+  "  gloved-trace import TABLE -o FILE [OPTION...]\n"
   "      A log of GLOVE and POSE frames from a table: column t_s (seconds) and any of the 22 sensors (radians:\n"
   "      thumb_rotate, thumb_mpj, ..., wrist_yaw), px py pz (metres) and qw qx qy qz of the tracker's receiver;\n"
   "      or the columns FFJ3, FFJ2, ... of a simulated hand. --wrist takes the pose from a file of 4x4 matrices\n"
@@ -25,13 +25,14 @@ static const char help[] =
   "      Cells are parted by comma, semicolon, tab or blanks. --columns names them in order where the table does not:\n"
   "      t_s,cyberglove22 or cyberglove18,-,px,... (- is not used; NAME*FACTOR+OFFSET, and A&B for two of one column).\n"
   "      --rows: the rate of rows without a time. --degrees, --counts 255: the sensors' unit. --virtualhand: angles as\n"
-  "      VirtualHand has them. Without a wrist the hand stands beside the table.\n"
+  "      VirtualHand has them. --left: a left hand. Without a wrist the hand stands beside the table.\n"
   "  gloved-trace record --udp udp://HOST:PORT?listen=PORT -o FILE [--duration S]\n"
   "      Records what the device sends (cannelloni over UDP) until S seconds went by or Ctrl-C; - is standard output.\n"
   "  gloved-trace align FILE -o FILE --rate HZ\n"
   "      Takes a log that candump made while gloved ran at HZ on the same CAN FD bus, and stamps each frame with the\n"
   "      step that took it, so that a replay ends with the state of that run, bit by bit.\n"
-  "  gloved-trace --help, --version\n"
+  "  --help, --version\n"
+  "\n"
   "Exit codes: 0 done, 1 nothing came or the log could not be written, 2 bad usage or bad input.\n";
 
 int trace_fail(int code, const char *format, ...) {

@@ -41,8 +41,8 @@ if lib.gv_scene_load(sys.argv[1].encode(), arena, scene, err, 512):
 cfg = ffi.new("gv_config *", lib.gv_config_default())
 block = ffi.new("char[]", lib.gv_engine_size(cfg, scene))
 engine = lib.gv_engine_init(block, len(block), cfg, scene)
-sample.raw = [lib.gv_calibration_raw(ffi.addressof(cfg.calibration), i, 0.1) for i in range(22)]
-sample.T_world_receiver = ((1, 0, 0, 0), (-0.1, 0, 0.2))
+sample.raw = [lib.gv_calibration_raw(ffi.addressof(cfg.calibration), i, 0.0) for i in range(22)]
+sample.T_world_receiver = ((1, 0, 0, 0), (-0.1, 0, 0.085))
 sample.glove_new = sample.pose_new = True
 for _ in range(1000):
     lib.gv_engine_step(engine, sample, result)

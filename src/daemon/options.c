@@ -158,7 +158,7 @@ const char *gv_options_help(void) {
     "                      trace:FILE                  a recording (candump -L), in real time\n"
     "                      trace:FILE?speed=0          the same as fast as possible\n"
     "                      can:IFACE                   a CAN interface (CAN FD where it can)\n"
-    "                      udp://HOST:PORT?listen=PORT CAN frames in UDP (cannelloni)\n"
+    "                      udp://HOST:PORT?listen=PORT  CAN frames in UDP (cannelloni)\n"
     "                      serial:DEV?type=cyberglove  a bare glove, without forces; with --tracker\n"
     "                      serial:DEV?type=lucidglove  a glove with five brakes; with --tracker\n"
     "  --tracker URL     a tracker of its own; otherwise the poses come with the frames:\n"

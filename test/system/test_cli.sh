@@ -84,8 +84,13 @@ verdict help_names_every_option $code "$(cat "$tmp/help")"
 for tool in gloved fcusim serialsim gloved-trace gloved-calibrate; do
   [ "$("$B/$tool" --help | wc -l)" -gt 0 ]; verdict "help_of_$tool" $?
 done
-for tool in demo view record-trace packages; do
-  "tools/$tool" --help | grep -q "^$tool"; verdict "help_of_$tool" $?
+# From any folder, at once, on standard output, without a package that is not there.
+here=$(pwd)
+for tool in $(find "$here/tools" "$here/test" -type f -perm -u+x ! -name init ! -name tap); do
+  name=${tool#"$here/"}
+  (cd / && timeout 5 "$tool" --help < /dev/null > "$tmp/out" 2> "$tmp/err"); code=$?
+  [ $code -eq 0 ] && [ ! -s "$tmp/err" ] && grep -q "^$(basename "$tool")" "$tmp/out" && [ "$(wc -l < "$tmp/out")" -le 48 ]
+  verdict "help_of_$name" $? "exit $code: $(head -n 3 "$tmp/out" "$tmp/err")"
 done
 "$gloved" --version | grep -qE '^gloved [0-9]+\.[0-9]+'; verdict version $?
 
