@@ -221,6 +221,17 @@ build/venv-bench/.done: build/.test-packages
 	$(Q)build/venv-bench/bin/pip install -q --disable-pip-version-check mujoco pybullet coal numpy matplotlib
 	@touch $@
 
+## format: lay the C out as .clang-format says (one statement a line, at most 110 columns)
+format: build/venv-format/.done
+	$(Q)git ls-files '*.c' '*.h' | xargs build/venv-format/bin/clang-format -i
+build/venv-format/.done:
+	$(Q)tools/packages python3-venv
+	@echo "  VENV build/venv-format"
+	$(Q)python3 -m venv build/venv-format
+	$(Q)build/venv-format/bin/pip install -q --disable-pip-version-check clang-format==23.1.5
+	@touch $@
+.PHONY: format
+
 ## layers: check that no include or call crosses a wall (also part of the tests)
 layers:
 	$(Q)sh test/system/test_layers.sh

@@ -11,16 +11,16 @@
 
 enum { MASK_BYTES = 3 };
 enum { QUIET_MS = 40, STOP_MS = 400, WRITE_MS = 500, REPLY_MS = 300, REPLY_BYTES = 256 };
-enum { SETTING_LEFT = 256 };   // added to the sensors in what set_up returns
+enum { SETTING_LEFT = 256 };  // added to the sensors in what set_up returns
 
 typedef struct cyberglove {
-  serial_source source;        // first: serial_source_close frees it
+  serial_source source;  // first: serial_source_close frees it
   gv_calibration cal;
-  gv_side side;                // of a glove that does not say
-  int sensors;                 // 18 or 22; 0: ask
-  gv_cyberglove_format format; // of the connection
+  gv_side side;                 // of a glove that does not say
+  int sensors;                  // 18 or 22; 0: ask
+  gv_cyberglove_format format;  // of the connection
   uint8_t counter;
-  atomic_bool unplugged;       // from its box, as the newest frame says
+  atomic_bool unplugged;  // from its box, as the newest frame says
   bool unplugged_told;
 } cyberglove;
 
@@ -34,7 +34,8 @@ static const serial_words words = {
 static bool ask(int fd, char query, int values, uint8_t *out) {
   const char question[2] = {'?', query};
   uint8_t reply[REPLY_BYTES];
-  if (serial_write(fd, question, sizeof question, WRITE_MS)) return false;
+  if (serial_write(fd, question, sizeof question, WRITE_MS))
+    return false;
   const int count = serial_read(fd, reply, sizeof reply, QUIET_MS, REPLY_MS);
   return gv_cyberglove_find_reply(reply, count, query, values, out);
 }
@@ -46,7 +47,8 @@ static void let_pass(int fd) {
 
 static int stop_stream(int fd) {
   const uint8_t stop = GV_CYBERGLOVE_STOP;
-  if (serial_write(fd, &stop, 1, WRITE_MS)) return -1;
+  if (serial_write(fd, &stop, 1, WRITE_MS))
+    return -1;
   let_pass(fd);
   return 0;
 }
@@ -56,14 +58,16 @@ static int stop_stream(int fd) {
 static int start_stream(const cyberglove *d, int fd) {
   static const uint8_t plain[] = {'D', 0, 'U', 0};
   static const char wide[] = "1eu1S";
-  if (serial_write(fd, plain, sizeof plain, WRITE_MS)) return -1;
+  if (serial_write(fd, plain, sizeof plain, WRITE_MS))
+    return -1;
   let_pass(fd);
   return d->format.wide ? serial_write(fd, wide, strlen(wide), WRITE_MS) : serial_write(fd, "S", 1, WRITE_MS);
 }
 
 static void ask_calibration(cyberglove *d, int fd, int sensors) {
   uint8_t reply[2 * GV_SENSORS];
-  if (!ask(fd, 'C', 2 * sensors, reply)) return;
+  if (!ask(fd, 'C', 2 * sensors, reply))
+    return;
   for (int i = 0; i < sensors; i++) {
     atomic_store(&d->source.offset[i], reply[i]);
     atomic_store(&d->source.gain[i], reply[sensors + i]);
@@ -75,54 +79,69 @@ static void ask_calibration(cyberglove *d, int fd, int sensors) {
 static int send_all_sensors(int fd, uint8_t sensors) {
   static const uint8_t all[] = {'M', 0xff, 0xff, 0xff};
   const uint8_t number[] = {'N', sensors};
-  if (serial_write(fd, all, sizeof all, WRITE_MS)) return -1;
+  if (serial_write(fd, all, sizeof all, WRITE_MS))
+    return -1;
   let_pass(fd);
-  if (serial_write(fd, number, sizeof number, WRITE_MS)) return -1;
+  if (serial_write(fd, number, sizeof number, WRITE_MS))
+    return -1;
   let_pass(fd);
   return 0;
 }
 
 static int bits_of(const uint8_t mask[MASK_BYTES], const uint8_t within[MASK_BYTES]) {
   int bits = 0;
-  for (int i = 0; i < MASK_BYTES; i++) bits += __builtin_popcount(mask[i] & within[i]);
+  for (int i = 0; i < MASK_BYTES; i++)
+    bits += __builtin_popcount(mask[i] & within[i]);
   return bits;
 }
 
 // Whether number and mask are as they were set; a glove that does not tell (a CyberGlove III) is believed.
 static bool sends_all_sensors(int fd, uint8_t sensors) {
   uint8_t number, mask[MASK_BYTES], own[MASK_BYTES] = {0xff, 0xff, 0xff};
-  if (ask(fd, 'N', 1, &number) && number != sensors) return false;
+  if (ask(fd, 'N', 1, &number) && number != sensors)
+    return false;
   ask(fd, 'K', MASK_BYTES, own);
   return !ask(fd, 'M', MASK_BYTES, mask) || bits_of(mask, own) >= sensors;
 }
 
 static int set_up(void *self, int fd) {
   cyberglove *d = self;
-  uint8_t sensors = (uint8_t)d->sensors, right = d->side == GV_RIGHT;
-  if (stop_stream(fd)) return -1;
+  uint8_t sensors = (uint8_t)d->sensors;
+  uint8_t right = d->side == GV_RIGHT;
+  if (stop_stream(fd))
+    return -1;
   if (!d->sensors && !ask(fd, 'S', 1, &sensors))
-    return serial_source_give_up(&d->source, "does not answer ?S (how many sensors); compare baud with its box, "
+    return serial_source_give_up(&d->source,
+                                 "does not answer ?S (how many sensors); compare baud with its box, "
                                  "or give sensors=18|22");
   if (sensors != GV_SENSORS && sensors != GV_CYBERGLOVE_FEWER)
-    return serial_source_give_up(&d->source, "has neither 18 nor 22 sensors by its answer to ?S; give sensors=18|22");
-  if (send_all_sensors(fd, sensors)) return -1;
+    return serial_source_give_up(&d->source,
+                                 "has neither 18 nor 22 sensors by its answer to ?S; give sensors=18|22");
+  if (send_all_sensors(fd, sensors))
+    return -1;
   if (!sends_all_sensors(fd, sensors))
-    return serial_source_give_up(&d->source, "does not send all of its sensors (?N, ?M, ?K); switch its box off and on");
+    return serial_source_give_up(&d->source,
+                                 "does not send all of its sensors (?N, ?M, ?K); switch its box off and on");
   serial_source_give_up(&d->source, NULL);
   atomic_store(&d->source.sensors, sensors);
   ask(fd, 'R', 1, &right);
   ask_calibration(d, fd, sensors);
-  if (start_stream(d, fd)) return -1;
+  if (start_stream(d, fd))
+    return -1;
   return sensors + (right ? 0 : SETTING_LEFT);
 }
 
 // ---- frames, in the real-time thread --------------------------------------------------------------
 
 static void make_frame(cyberglove *d, int length, int64_t now_ns, uint32_t age_us, gv_frame *out) {
-  const bool unplugged = gv_cyberglove_end_of(&d->format, d->source.framer.byte, length) == GV_CYBERGLOVE_UNPLUGGED;
-  const int side = d->source.setting & SETTING_LEFT ? GV_GLOVE_LEFT : 0, fault = unplugged ? GV_GLOVE_SENSOR_FAULT : 0;
-  gv_glove_msg msg = {.counter = d->counter++, .flags = (uint8_t)(side | fault),
-                      .stamp_us = (uint32_t)(now_ns / 1000), .age_us = age_us};
+  const bool unplugged = gv_cyberglove_end_of(&d->format, d->source.framer.byte, length) ==
+                         GV_CYBERGLOVE_UNPLUGGED;
+  const int side = d->source.setting & SETTING_LEFT ? GV_GLOVE_LEFT : 0;
+  const int fault = unplugged ? GV_GLOVE_SENSOR_FAULT : 0;
+  gv_glove_msg msg = {.counter = d->counter++,
+                      .flags = (uint8_t)(side | fault),
+                      .stamp_us = (uint32_t)(now_ns / 1000),
+                      .age_us = age_us};
   atomic_store_explicit(&d->unplugged, unplugged, memory_order_relaxed);
   gv_cyberglove_decode(&d->format, d->source.framer.byte, length, &d->cal, msg.raw);
   gv_fcu_pack_glove(&msg, out);
@@ -137,7 +156,8 @@ static int poll_cyberglove(void *self, int64_t now_ns, gv_frame *out, int max) {
     uint32_t age_us;
     d->format.sensors = d->source.setting & ~SETTING_LEFT;
     const int length = serial_source_next(&d->source, gv_cyberglove_scan, &d->format, &age_us);
-    if (length > 0) make_frame(d, length, now_ns, age_us, &out[n++]);
+    if (length > 0)
+      make_frame(d, length, now_ns, age_us, &out[n++]);
   }
   d->source.rx += (uint64_t)n;
   return n;
@@ -145,9 +165,11 @@ static int poll_cyberglove(void *self, int64_t now_ns, gv_frame *out, int max) {
 
 static bool tell_cyberglove(void *self, int64_t now_ns, char *out, size_t size) {
   cyberglove *d = self;
-  const bool unplugged = atomic_load_explicit(&d->unplugged, memory_order_relaxed), news = unplugged && !d->unplugged_told;
+  const bool unplugged = atomic_load_explicit(&d->unplugged, memory_order_relaxed);
+  const bool news = unplugged && !d->unplugged_told;
   d->unplugged_told = unplugged;
-  if (!news) return serial_source_tell(self, now_ns, out, size);
+  if (!news)
+    return serial_source_tell(self, now_ns, out, size);
   snprintf(out, size, "%s: the glove is not plugged into its box; plug it in", d->source.url.device);
   return true;
 }
@@ -155,7 +177,8 @@ static bool tell_cyberglove(void *self, int64_t now_ns, char *out, size_t size) 
 // ---- opening --------------------------------------------------------------------------------------
 
 static void read_url(cyberglove *d, const char *text, char *err, size_t err_size) {
-  static const char *const types[] = {"cyberglove", NULL}, *const no_yes[] = {"no", "yes", NULL};
+  static const char *const types[] = {"cyberglove", NULL};
+  static const char *const no_yes[] = {"no", "yes", NULL};
   static const char *const sensors[] = {"ask", "18", "22", NULL};
   static const int count[] = {0, GV_CYBERGLOVE_FEWER, GV_SENSORS};
   serial_url *url = &d->source.url;
@@ -167,7 +190,8 @@ static void read_url(cyberglove *d, const char *text, char *err, size_t err_size
   serial_url_finish(url, "serial:/dev/ttyUSB0?type=cyberglove&baud=115200&sensors=22&wide=no");
 }
 
-int gv_cyberglove_open(const char *url, const gv_calibration *cal, gv_side side, gv_driver *out, char *err, size_t err_size) {
+int gv_cyberglove_open(const char *url, const gv_calibration *cal, gv_side side, gv_driver *out, char *err,
+                       size_t err_size) {
   cyberglove *d = calloc(1, sizeof *d);
   if (!d) {
     snprintf(err, err_size, "%.80s: out of memory; close other programs", url);
@@ -181,7 +205,14 @@ int gv_cyberglove_open(const char *url, const gv_calibration *cal, gv_side side,
     free(d);
     return -1;
   }
-  *out = (gv_driver){d, poll_cyberglove, serial_source_send, serial_source_ended, serial_source_stats, serial_source_close,
-                     serial_source_descriptor, GV_CALLS_LINE, tell_cyberglove};
+  *out = (gv_driver){d,
+                     poll_cyberglove,
+                     serial_source_send,
+                     serial_source_ended,
+                     serial_source_stats,
+                     serial_source_close,
+                     serial_source_descriptor,
+                     GV_CALLS_LINE,
+                     tell_cyberglove};
   return 0;
 }

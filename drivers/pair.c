@@ -9,20 +9,21 @@
 #include "gloved/fcu.h"
 
 enum {
-  QUEUE = 64,                  // frames of each side that wait for the other's
-  REFILLS = 4                  // of each queue in one poll: bounds its time under a flood of frames that are left out
+  QUEUE = 64,  // frames of each side that wait for the other's
+  REFILLS = 4  // of each queue in one poll: bounds its time under a flood of frames
+               // that are left out
 };
 
 typedef struct side {
   gv_driver driver;
   gv_frame frame[QUEUE];
   int next, count;
-  int refills;                 // left in this poll
+  int refills;  // left in this poll
 } side;
 
 typedef struct pair {
   side fcu, tracker;
-  uint64_t left_out;           // poses of the fcu
+  uint64_t left_out;  // poses of the fcu
 } pair;
 
 static const gv_frame *first_of(side *s, int64_t now_ns) {
@@ -47,12 +48,16 @@ static int poll_pair(void *self, int64_t now_ns, gv_frame *out, int max) {
   int n = 0;
   p->fcu.refills = p->tracker.refills = REFILLS;
   while (n < max) {
-    const gv_frame *a = first_of_fcu(p, now_ns), *b = first_of(&p->tracker, now_ns);
-    if (!a && !b) break;
+    const gv_frame *a = first_of_fcu(p, now_ns);
+    const gv_frame *b = first_of(&p->tracker, now_ns);
+    if (!a && !b)
+      break;
     const bool take_a = a && (!b || a->stamp_ns <= b->stamp_ns);
     out[n++] = take_a ? *a : *b;
-    if (take_a) p->fcu.next++;
-    else p->tracker.next++;
+    if (take_a)
+      p->fcu.next++;
+    else
+      p->tracker.next++;
   }
   return n;
 }
@@ -111,6 +116,8 @@ int gv_pair_open(gv_driver fcu, gv_driver tracker, gv_driver *out, char *err, si
   }
   p->fcu.driver = fcu;
   p->tracker.driver = tracker;
-  *out = (gv_driver){p, poll_pair, send_pair, pair_ended, pair_stats, close_pair, pair_descriptor, fcu.calls | tracker.calls, tell_pair};
+  *out = (gv_driver){p,          poll_pair,  send_pair,       pair_ended,
+                     pair_stats, close_pair, pair_descriptor, fcu.calls | tracker.calls,
+                     tell_pair};
   return 0;
 }

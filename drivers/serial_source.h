@@ -8,24 +8,27 @@
 #include "drivers/serial_port.h"
 #include "drivers/serial_url.h"
 
-enum { SERIAL_CHUNK = 512 };   // bytes of one read(): 44 ms at 115200 baud
+enum { SERIAL_CHUNK = 512 };  // bytes of one read(): 44 ms at 115200 baud
 
 // For the user, of a device whose bytes never become records: what was expected, and what to try.
-typedef struct serial_words { const char *name, *expected, *attempt; } serial_words;
+typedef struct serial_words {
+  const char *name, *expected, *attempt;
+} serial_words;
 
 typedef struct serial_source {
   serial_port port;
   serial_url url;
   framer framer;
-  int setting;                 // of the connection that the bytes came from
+  int setting;  // of the connection that the bytes came from
   uint8_t chunk[SERIAL_CHUNK];
-  int next, count;             // within chunk
-  uint64_t rx;                 // frames handed out
+  int next, count;  // within chunk
+  uint64_t rx;      // frames handed out
   // What a glove said of itself; written by the keeper.
   atomic_int sensors;
   atomic_bool calibrated;
   _Atomic uint8_t offset[GV_SENSORS], gain[GV_SENSORS];
-  // What there is to tell. Any thread: bytes read so far, the newest eight of them, why set_up gave up last (a constant text).
+  // What there is to tell. Any thread: bytes read so far, the newest eight of them, why set_up
+  // gave up last (a constant text).
   const serial_words *words;
   atomic_ulong bytes;
   _Atomic uint64_t newest;

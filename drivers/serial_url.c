@@ -10,10 +10,12 @@
 #include "drivers/serial_port.h"
 
 int serial_url_fail(serial_url *url, const char *format, ...) {
-  if (url->failed) return -1;
+  if (url->failed)
+    return -1;
   url->failed = true;
   int n = snprintf(url->err, url->err_size, "%.80s: ", url->whole);
-  if (n < 0 || (size_t)n >= url->err_size) return -1;
+  if (n < 0 || (size_t)n >= url->err_size)
+    return -1;
   va_list args;
   va_start(args, format);
   vsnprintf(url->err + n, url->err_size - (size_t)n, format, args);
@@ -33,7 +35,8 @@ static void take_option(serial_url *url, char *option) {
   }
   *equals = '\0';
   for (int i = 0; i < url->count; i++)
-    if (strcmp(url->name[i], option) == 0) serial_url_fail(url, "%s stands there twice; leave one out", option);
+    if (strcmp(url->name[i], option) == 0)
+      serial_url_fail(url, "%s stands there twice; leave one out", option);
   url->name[url->count] = option;
   url->value[url->count++] = equals + 1;
 }
@@ -50,15 +53,20 @@ void serial_url_parse(serial_url *url, const char *text, char *err, size_t err_s
   }
   strcpy(url->text, text + 7);
   url->device = url->text;
-  char *options = strchr(url->text, '?'), *save = NULL;
-  if (options) *options++ = '\0';
-  if (!*url->device) serial_url_fail(url, "the device is missing; write serial:/dev/ttyUSB0?type=...");
-  for (char *one = options ? strtok_r(options, "&", &save) : NULL; one; one = strtok_r(NULL, "&", &save)) take_option(url, one);
+  char *options = strchr(url->text, '?');
+  char *save = NULL;
+  if (options)
+    *options++ = '\0';
+  if (!*url->device)
+    serial_url_fail(url, "the device is missing; write serial:/dev/ttyUSB0?type=...");
+  for (char *one = options ? strtok_r(options, "&", &save) : NULL; one; one = strtok_r(NULL, "&", &save))
+    take_option(url, one);
 }
 
 static const char *take_value(serial_url *url, const char *name) {
   for (int i = 0; i < url->count; i++) {
-    if (strcmp(url->name[i], name) != 0) continue;
+    if (strcmp(url->name[i], name) != 0)
+      continue;
     url->used[i] = true;
     return url->value[i];
   }
@@ -67,10 +75,12 @@ static const char *take_value(serial_url *url, const char *name) {
 
 int serial_url_choice(serial_url *url, const char *name, const char *const *names, int otherwise) {
   const char *value = take_value(url, name);
-  if (!value) return otherwise;
+  if (!value)
+    return otherwise;
   char list[128] = "";
   for (int i = 0; names[i]; i++) {
-    if (strcmp(value, names[i]) == 0) return i;
+    if (strcmp(value, names[i]) == 0)
+      return i;
     size_t n = strlen(list);
     snprintf(list + n, sizeof list - n, "%s%s", i ? ", " : "", names[i]);
   }
@@ -80,16 +90,21 @@ int serial_url_choice(serial_url *url, const char *name, const char *const *name
 
 int serial_url_baud(serial_url *url) {
   const char *value = take_value(url, "baud");
-  if (!value) return 115200;
+  if (!value)
+    return 115200;
   char *end;
   long baud = strtol(value, &end, 10);
   if (*end || baud < 0 || baud > 4000000 || !serial_port_knows((int)baud))
-    serial_url_fail(url, "baud=%.20s is no speed of a serial line; write 9600, 19200, 38400, 57600 or 115200 as set at the device", value);
+    serial_url_fail(url,
+                    "baud=%.20s is no speed of a serial line; write 9600, 19200, 38400, 57600 or 115200 as "
+                    "set at the device",
+                    value);
   return (int)baud;
 }
 
 int serial_url_finish(serial_url *url, const char *example) {
   for (int i = 0; i < url->count && !url->failed; i++)
-    if (!url->used[i]) serial_url_fail(url, "%.40s is no parameter of this device; write e.g. %s", url->name[i], example);
+    if (!url->used[i])
+      serial_url_fail(url, "%.40s is no parameter of this device; write e.g. %s", url->name[i], example);
   return url->failed ? -1 : 0;
 }

@@ -11,7 +11,7 @@ enum { SERIAL_URL_BYTES = 256, SERIAL_URL_OPTIONS = 12 };
 
 typedef struct serial_url {
   char text[SERIAL_URL_BYTES];
-  const char *whole, *device;   // as given; the path
+  const char *whole, *device;  // as given; the path
   char *name[SERIAL_URL_OPTIONS], *value[SERIAL_URL_OPTIONS];
   bool used[SERIAL_URL_OPTIONS];
   int count;

@@ -2,8 +2,8 @@
 // The settings of the simulated device by name: ranges and both presets in one table. Set-up only.
 //
 // `real` imitates recordings of gloves and trackers (DESIGN.md, "Devices"): a quantum of 0.015 to 0.018 rad,
-// 90 to 150 Hz, 44 % of consecutive samples equal, single-sample jumps up to 0.49 rad, stamps that tick
-// 15, 16 and sometimes 32 ms, two FASTRAK receivers at 60 Hz each. The fingers' stiffness, 0.4 to 1.5 N m/rad,
+// 90 to 150 Hz, 44 % of consecutive samples equal, single-sample jumps up to 0.49 rad, stamps that tick 15,
+// 16 and sometimes 32 ms, two FASTRAK receivers at 60 Hz each. The fingers' stiffness, 0.4 to 1.5 N m/rad,
 // is that of a finger held lightly: at the fingertip of an 83 mm index finger 1.5 N m/rad at the knuckle are
 // 220 N/m, the low end of what is measured on people; damping ratios measured there lie near 1.
 #include "gloved/sim.h"
@@ -69,27 +69,33 @@ static double *member(gv_sim_device *device, const setting *row) {
 
 gv_sim_device gv_sim_device_best(void) {
   gv_sim_device device;
-  for (int i = 0; i < SETTINGS; i++) *member(&device, &table[i]) = table[i].best;
+  for (int i = 0; i < SETTINGS; i++)
+    *member(&device, &table[i]) = table[i].best;
   return device;
 }
 
 gv_sim_device gv_sim_device_real(void) {
   gv_sim_device device;
-  for (int i = 0; i < SETTINGS; i++) *member(&device, &table[i]) = table[i].real;
+  for (int i = 0; i < SETTINGS; i++)
+    *member(&device, &table[i]) = table[i].real;
   return device;
 }
 
 static const setting *find_setting(const char *name) {
   for (int i = 0; i < SETTINGS; i++)
-    if (strcmp(name, table[i].name) == 0) return &table[i];
+    if (strcmp(name, table[i].name) == 0)
+      return &table[i];
   return NULL;
 }
 
-int gv_sim_device_set(gv_sim_device *device, const char *name, const char *value, char *err, size_t err_size) {
+int gv_sim_device_set(gv_sim_device *device, const char *name, const char *value, char *err,
+                      size_t err_size) {
   const setting *row = find_setting(name);
   if (!row) {
-    snprintf(err, err_size, "no device setting \"%.40s\"; the settings are the members of gv_sim_device (sim.h), "
-             "e.g. glove_hz_max", name);
+    snprintf(err, err_size,
+             "no device setting \"%.40s\"; the settings are the members of gv_sim_device (sim.h), "
+             "e.g. glove_hz_max",
+             name);
     return -1;
   }
   char *end;
@@ -103,9 +109,11 @@ int gv_sim_device_set(gv_sim_device *device, const char *name, const char *value
 }
 
 int gv_sim_device_check(const gv_sim_device *device, char *err, size_t err_size) {
-  const char *pair = device->glove_hz_min > device->glove_hz_max ? "glove_hz"
-                   : device->quantum_min_rad > device->quantum_max_rad ? "quantum"
-                   : device->jump_min_rad > device->jump_max_rad ? "jump" : NULL;
-  if (pair) snprintf(err, err_size, "%s_min is above %s_max; set both", pair, pair);
+  const char *pair = device->glove_hz_min > device->glove_hz_max         ? "glove_hz"
+                     : device->quantum_min_rad > device->quantum_max_rad ? "quantum"
+                     : device->jump_min_rad > device->jump_max_rad       ? "jump"
+                                                                         : NULL;
+  if (pair)
+    snprintf(err, err_size, "%s_min is above %s_max; set both", pair, pair);
   return pair ? -1 : 0;
 }

@@ -15,7 +15,8 @@ enum { RESTART_NS = 100000000, SECOND_NS = 1000000000 };
 
 static double largest_rise(const double from[GV_FINGERS], const double to[GV_FINGERS]) {
   double rise = 0.0;
-  for (int i = 0; i < GV_FINGERS; i++) rise = fmax(rise, to[i] - from[i]);
+  for (int i = 0; i < GV_FINGERS; i++)
+    rise = fmax(rise, to[i] - from[i]);
   return rise;
 }
 
@@ -31,7 +32,8 @@ static bool rises_too_fast(gv_sim *sim, const double tension_n[GV_FINGERS], int 
 
 static bool above_max(const gv_sim *sim, const double tension_n[GV_FINGERS]) {
   for (int i = 0; i < GV_FINGERS; i++)
-    if (!(tension_n[i] <= sim->device.max_n + 0.5 * sim->device.wire_count_n)) return true;  // not-a-number too
+    if (!(tension_n[i] <= sim->device.max_n + 0.5 * sim->device.wire_count_n))
+      return true;  // not-a-number too
   return false;
 }
 
@@ -43,12 +45,15 @@ static void count_drop(gv_sim *sim) {
   }
   sim->drops++;
   sim->report.watchdog_drops++;
-  if (sim->drops > sim->report.drops_a_second) sim->report.drops_a_second = sim->drops;
+  if (sim->drops > sim->report.drops_a_second)
+    sim->report.drops_a_second = sim->drops;
 }
 
 static void accept_command(gv_sim *sim, const gv_command_msg *msg, const double tension_n[GV_FINGERS]) {
-  const bool flowing = sim->report.commands > 0 && sim->command_steps == 1 && sim->now_ns - sim->command_ns < RESTART_NS;
-  if (sim->watchdog && flowing) count_drop(sim);
+  const bool flowing = sim->report.commands > 0 && sim->command_steps == 1 &&
+                       sim->now_ns - sim->command_ns < RESTART_NS;
+  if (sim->watchdog && flowing)
+    count_drop(sim);
   memcpy(sim->command_n, tension_n, sizeof sim->command_n);
   sim->command_ns = sim->now_ns;
   sim->command_flags = msg->flags;
@@ -61,34 +66,50 @@ static void accept_command(gv_sim *sim, const gv_command_msg *msg, const double 
 
 // Commands since the last one by the counter; 0: repeated or overtaken.
 static int counter_steps(const gv_sim *sim, uint8_t counter) {
-  if (!sim->command_seen) return 1;
+  if (!sim->command_seen)
+    return 1;
   uint8_t ahead = (uint8_t)(counter - sim->command_counter);
-  if (sim->now_ns - sim->command_ns >= RESTART_NS) return 1;
+  if (sim->now_ns - sim->command_ns >= RESTART_NS)
+    return 1;
   return ahead < 128 ? ahead : 0;
 }
 
 void gv_sim_receive(gv_sim *sim, const gv_frame *frame) {
   gv_command_msg msg;
-  if (frame->id != GV_ID_FORCE_COMMAND) { sim->report.foreign++; return; }
-  if (gv_fcu_unpack_command(frame, &msg) != GV_FCU_OK) { sim->report.refused_frames++; return; }
+  if (frame->id != GV_ID_FORCE_COMMAND) {
+    sim->report.foreign++;
+    return;
+  }
+  if (gv_fcu_unpack_command(frame, &msg) != GV_FCU_OK) {
+    sim->report.refused_frames++;
+    return;
+  }
   int steps = counter_steps(sim, msg.counter);
-  if (steps == 0) { sim->report.repeated++; return; }
+  if (steps == 0) {
+    sim->report.repeated++;
+    return;
+  }
   sim->report.counter_gaps += (uint64_t)(steps - 1);
   sim->command_counter = msg.counter;
   sim->command_seen = true;
   sim->command_steps += steps;
   double tension_n[GV_FINGERS] = {0};
-  if (msg.flags & GV_COMMAND_ENABLE) memcpy(tension_n, msg.tension_n, sizeof tension_n);
-  if (above_max(sim, tension_n)) sim->report.over_max++;
-  else if (rises_too_fast(sim, tension_n, sim->command_steps)) sim->report.over_slew++;
-  else accept_command(sim, &msg, tension_n);
+  if (msg.flags & GV_COMMAND_ENABLE)
+    memcpy(tension_n, msg.tension_n, sizeof tension_n);
+  if (above_max(sim, tension_n))
+    sim->report.over_max++;
+  else if (rises_too_fast(sim, tension_n, sim->command_steps))
+    sim->report.over_slew++;
+  else
+    accept_command(sim, &msg, tension_n);
 }
 
 // The tension goes to zero, but command_n stays: the engine has not lowered it, so it is what the next
 // command's rise is judged by; pull_tendons brings the tension back slowly.
 static void check_watchdog(gv_sim *sim) {
   double silent_s = 1e-9 * (double)(sim->now_ns - sim->command_ns);
-  if (sim->watchdog || silent_s < sim->device.watchdog_s) return;
+  if (sim->watchdog || silent_s < sim->device.watchdog_s)
+    return;
   sim->watchdog = true;
   sim->status_due = true;
   sim->report.watchdog_trips++;
@@ -103,10 +124,12 @@ static void pull_tendons(gv_sim *sim) {
     sim->tension_n[i] = on ? fmin(sim->command_n[i], sim->tension_n[i] + rise_n) : 0.0;
 }
 
-static void step_joint(gv_sim_joint *joint, double torque_nm, double k, double inertia, double damping_ratio) {
+static void step_joint(gv_sim_joint *joint, double torque_nm, double k, double inertia,
+                       double damping_ratio) {
   const double h = 1e-9 * SIM_STEP_NS;
   double c = 2.0 * damping_ratio * sqrt(k * inertia);
-  double v = (inertia * joint->velocity_rad_s + h * (torque_nm - k * joint->deviation_rad)) / (inertia + h * c + h * h * k);
+  double v = (inertia * joint->velocity_rad_s + h * (torque_nm - k * joint->deviation_rad)) /
+             (inertia + h * c + h * h * k);
   joint->velocity_rad_s = v;
   joint->deviation_rad += h * v;
 }
@@ -139,7 +162,8 @@ void gv_sim_angles(const gv_sim *sim, double out_rad[GV_SENSORS]) {
     int sensor[3];
     double arm_m[3];
     int joints = gv_tendon_joints(f, sensor, arm_m);
-    for (int j = 0; j < joints; j++) out_rad[sensor[j]] += sim->joint[f][j].deviation_rad;
+    for (int j = 0; j < joints; j++)
+      out_rad[sensor[j]] += sim->joint[f][j].deviation_rad;
   }
 }
 

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// What the simulated user's hand does besides the script: it sways slowly and it trembles (physiological tremor, 8 to
-// 12 Hz: Elble and Koller, Tremor, 1990). Each finger sways and each joint trembles with a phase of its own, by the
-// seed, drawn apart from the device's random numbers so that the same device has the same defects with and without
-// it. Pure; no engine.
+// What the simulated user's hand does besides the script: it sways slowly and it trembles (physiological
+// tremor, 8 to 12 Hz: Elble and Koller, Tremor, 1990). Each finger sways and each joint trembles with a
+// phase of its own, by the seed, drawn apart from the device's random numbers so that the same device has
+// the same defects with and without it. Pure; no engine.
 #include "drivers/sim.h"
 
 #include "gloved/force.h"
@@ -18,7 +18,8 @@ static double phase(uint64_t seed, uint64_t place) {
 
 static double wave(const gv_sim *sim, double amplitude, double hz, uint64_t place) {
   double sine, cosine;
-  if (!(amplitude > 0.0)) return 0.0;
+  if (!(amplitude > 0.0))
+    return 0.0;
   const double turns = hz * 1e-9 * (double)sim->now_ns;
   gv_sincos(2.0 * GV_PI * (turns - floor(turns)) + phase(sim->seed, place), &sine, &cosine);
   return amplitude * sine;
@@ -36,6 +37,7 @@ void sim_user_step(gv_sim *sim) {
       sim->intent.angle_rad[sensor[j]] += sway + wave(sim, d->tremor_rad, d->tremor_hz, place);
     }
   }
-  const gv_vec3 moved = {wave(sim, d->sway_m, d->sway_hz, 64), wave(sim, d->sway_m, d->sway_hz, 65), wave(sim, d->sway_m, d->sway_hz, 66)};
+  const gv_vec3 moved = {wave(sim, d->sway_m, d->sway_hz, 64), wave(sim, d->sway_m, d->sway_hz, 65),
+                         wave(sim, d->sway_m, d->sway_hz, 66)};
   sim->intent.T_world_wrist.p = gv_add(sim->intent.T_world_wrist.p, moved);
 }

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// A recording as a device: a candump -L log, read and checked whole when it is opened, then handed out by
-// its own stamps against whatever clock the caller passes. poll and send only touch memory that opening allocated.
+// A recording as a device: a candump -L log, read and checked whole when it is opened, then
+// handed out by its own stamps against whatever clock the caller passes. poll and send only
+// touch memory that opening allocated.
 #include <stdio.h>
 #include <stdlib.h>
 
@@ -8,9 +9,9 @@
 #include "gloved/fcu.h"
 
 typedef struct trace {
-  gv_frame *frame;     // stamps from 0, never decreasing
+  gv_frame *frame;  // stamps from 0, never decreasing
   size_t count, next, capacity;
-  int64_t end_ns;      // stamp of the log's last line
+  int64_t end_ns;  // stamp of the log's last line
   bool past_end;
   gv_driver_stats stats;
 } trace;
@@ -18,7 +19,8 @@ typedef struct trace {
 static int poll_trace(void *self, int64_t now_ns, gv_frame *out, int max) {
   trace *t = self;
   int n = 0;
-  while (n < max && t->next < t->count && t->frame[t->next].stamp_ns <= now_ns) out[n++] = t->frame[t->next++];
+  while (n < max && t->next < t->count && t->frame[t->next].stamp_ns <= now_ns)
+    out[n++] = t->frame[t->next++];
   t->past_end = now_ns >= t->end_ns;
   t->stats.rx += (uint64_t)n;
   return n;
@@ -47,7 +49,8 @@ static int append_frame(trace *t, const gv_frame *frame) {
   if (t->count == t->capacity) {
     size_t capacity = t->capacity ? 2 * t->capacity : 4096;
     gv_frame *grown = realloc(t->frame, capacity * sizeof *grown);
-    if (!grown) return -1;
+    if (!grown)
+      return -1;
     t->frame = grown;
     t->capacity = capacity;
   }
@@ -59,8 +62,9 @@ static bool is_id(const gv_frame *frame, uint32_t id) {
   return frame->id == id && !(frame->flags & (GV_FRAME_EXTENDED | GV_FRAME_ERROR));
 }
 
-// All frames of the log but our own commands, classic ones joined. Stamps count from the log's first line, and
-// its last one is the end: the engine's steps before the first frame and after the last belong to a recording.
+// All frames of the log but our own commands, classic ones joined. Stamps count from the log's
+// first line, and its last one is the end: the engine's steps before the first frame and after
+// the last belong to a recording.
 static int load_frames(trace *t, gv_log *log, char *err, size_t err_size) {
   gv_frame line, frame;
   gv_classic_join join = {0};
@@ -68,20 +72,26 @@ static int load_frames(trace *t, gv_log *log, char *err, size_t err_size) {
   int64_t start_ns = -1;
   int got;
   while ((got = gv_log_next(log, &line, err, err_size)) > 0) {
-    if (start_ns < 0) start_ns = line.stamp_ns;
+    if (start_ns < 0)
+      start_ns = line.stamp_ns;
     t->end_ns = line.stamp_ns - start_ns;
-    if (!gv_classic_take(&join, &line, &frame) || is_id(&frame, GV_ID_FORCE_COMMAND)) continue;
+    if (!gv_classic_take(&join, &line, &frame) || is_id(&frame, GV_ID_FORCE_COMMAND))
+      continue;
     frame.stamp_ns -= start_ns;
     gloves += is_id(&frame, GV_ID_GLOVE);
-    if (append_frame(t, &frame) == 0) continue;
-    snprintf(err, err_size, "%s:%llu: out of memory; record a shorter trace", log->path, (unsigned long long)log->line);
+    if (append_frame(t, &frame) == 0)
+      continue;
+    snprintf(err, err_size, "%s:%llu: out of memory; record a shorter trace", log->path,
+             (unsigned long long)log->line);
     return -1;
   }
-  if (got < 0) return -1;
+  if (got < 0)
+    return -1;
   if (gloves == 0) {
-    snprintf(err, err_size,
-             "%s:%llu: no frame of a glove (identifier %03X) in it; record one with gloved-trace or candump -L",
-             log->path, (unsigned long long)log->line, GV_ID_GLOVE);
+    snprintf(
+        err, err_size,
+        "%s:%llu: no frame of a glove (identifier %03X) in it; record one with gloved-trace or candump -L",
+        log->path, (unsigned long long)log->line, GV_ID_GLOVE);
     return -1;
   }
   t->stats.bad = log->truncated;
@@ -90,20 +100,25 @@ static int load_frames(trace *t, gv_log *log, char *err, size_t err_size) {
 
 int gv_trace_open(const char *path, gv_driver *out, char *err, size_t err_size) {
   gv_log log;
-  if (gv_log_open(&log, path, err, err_size)) return -1;
+  if (gv_log_open(&log, path, err, err_size))
+    return -1;
   trace *t = calloc(1, sizeof *t);
-  if (!t) snprintf(err, err_size, "%s: out of memory; close other programs", path);
+  if (!t)
+    snprintf(err, err_size, "%s: out of memory; close other programs", path);
   int error = t ? load_frames(t, &log, err, err_size) : -1;
   gv_log_close(&log);
   if (error) {
-    if (t) close_trace(t);
+    if (t)
+      close_trace(t);
     return -1;
   }
-  *out = (gv_driver){.self = t, .poll = poll_trace, .send = send_trace, .ended = trace_ended, .stats = trace_stats,
+  *out = (gv_driver){.self = t,
+                     .poll = poll_trace,
+                     .send = send_trace,
+                     .ended = trace_ended,
+                     .stats = trace_stats,
                      .close = close_trace};
   return 0;
 }
 
-int64_t gv_trace_length_ns(const gv_driver *driver) {
-  return ((const trace *)driver->self)->end_ns;
-}
+int64_t gv_trace_length_ns(const gv_driver *driver) { return ((const trace *)driver->self)->end_ns; }

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// What every program answers: --help (or -h) and --version, on standard output. Its text opens with "NAME: what it is".
+// What every program answers: --help (or -h) and --version, on standard output. Its text
+// opens with "NAME: what it is".
 #ifndef GLOVED_TOOLS_PROGRAM_H
 #define GLOVED_TOOLS_PROGRAM_H
 
@@ -11,12 +12,14 @@
 
 // True where the program was only asked that; it ends then with 0.
 static inline bool program_answers(int argc, char **argv, const char *help) {
-  if (argc != 2) return false;
+  if (argc != 2)
+    return false;
   if (strcmp(argv[1], "--version") == 0) {
     printf("%.*s %s\n", (int)strcspn(help, ":"), help, gv_version_text());
     return true;
   }
-  if (strcmp(argv[1], "--help") != 0 && strcmp(argv[1], "-h") != 0) return false;
+  if (strcmp(argv[1], "--help") != 0 && strcmp(argv[1], "-h") != 0)
+    return false;
   fputs(help, stdout);
   return true;
 }

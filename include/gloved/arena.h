@@ -20,10 +20,10 @@ typedef struct gv_arena_block {
 } gv_arena_block;
 
 typedef struct gv_arena {
-  uint8_t *base;     // null in a dry run: sizes are counted, nothing is handed out
-  size_t size;       // bytes in the buffer
-  size_t used;       // bytes handed out, alignment included
-  size_t peak;       // largest `used` so far, counting what did not fit: what a big enough buffer needs
+  uint8_t *base;  // null in a dry run: sizes are counted, nothing is handed out
+  size_t size;    // bytes in the buffer
+  size_t used;    // bytes handed out, alignment included
+  size_t peak;    // largest `used` so far, counting what did not fit: what a big enough buffer needs
   int block_count;
   gv_arena_block blocks[GV_ARENA_BLOCKS];
 } gv_arena;

@@ -14,23 +14,24 @@
 extern "C" {
 #endif
 
-// tension: a tendon pulls with it. brake: the number, 0..1 of a full brake, holds a finger that closes against it;
-// it cannot be felt by a finger that opens. Both only resist bending: never below 0.
+// tension: a tendon pulls with it. brake: the number, 0..1 of a full brake, holds a finger that closes
+// against it; it cannot be felt by a finger that opens. Both only resist bending: never below 0.
 typedef enum gv_channel_kind { GV_CHANNEL_TENSION, GV_CHANNEL_BRAKE } gv_channel_kind;
 
 typedef struct gv_channel {
-  const char *device, *unit; // name; what one count is
+  const char *device, *unit;  // name; what one count is
   gv_channel_kind kind;
-  double max_n;              // tension that stands for `counts`, the most it takes
-  double pretension_n;       // pull at rest, so that no tendon hangs slack; 0: none
-  double slew_n_per_s;       // fastest rise it is sent
-  int counts;                // its number for max_n
-  int fingers;               // that it can hold, from the thumb on; the others get no force
+  double max_n;         // tension that stands for `counts`, the most it takes
+  double pretension_n;  // pull at rest, so that no tendon hangs slack; 0: none
+  double slew_n_per_s;  // fastest rise it is sent
+  int counts;           // its number for max_n
+  int fingers;          // that it can hold, from the thumb on; the others get no force
 } gv_channel;
 
 typedef enum gv_channel_name {
   GV_CHANNEL_CYBERGRASP,     // five tensions of 12 N, as our frames carry them; the default
-  GV_CHANNEL_SENSEGLOVE_R1,  // four motors, no little finger: millinewtons, 800 at rest, about 3500 active; no driver
+  GV_CHANNEL_SENSEGLOVE_R1,  // four motors, no little finger: millinewtons, 800 at rest, about 3500
+                             // active; no driver
   GV_CHANNEL_LUCIDGLOVE,     // five brakes 0..1000
   GV_CHANNELS
 } gv_channel_name;
@@ -41,8 +42,8 @@ const gv_channel *gv_channel_of(gv_channel_name name);
 int gv_channel_counts(const gv_channel *channel, double tension_n);
 // The tension that a number stands for, for simulated devices and displays; clamped to 0..max_n.
 double gv_channel_tension_n(const gv_channel *channel, int counts);
-// Makes a limiter's configuration fit the channel: no higher maximum (0 for fingers it lacks), no faster rise, no less
-// pretension. Returns
+// Makes a limiter's configuration fit the channel: no higher maximum (0 for fingers it lacks), no
+// faster rise, no less pretension. Returns
 // whether it changed anything.
 bool gv_channel_limit(const gv_channel *channel, gv_limiter_config *cfg);
 

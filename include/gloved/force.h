@@ -17,17 +17,18 @@ extern "C" {
 // the back of the finger extends joint j with moment arm r_j; the tension that does the same work, least
 // squares over the joints, is T = sum(r_j tau_ext_j) / sum(r_j^2), and a tendon only pulls: max(0, T).
 void gv_tendon_map(const gv_joint_axis joint[GV_SENSORS], const gv_pose T_world_limb[GV_LIMBS],
-                   const gv_vec3 f_limb[GV_LIMBS], const gv_vec3 t_limb[GV_LIMBS], double out_tension_n[GV_FINGERS]);
+                   const gv_vec3 f_limb[GV_LIMBS], const gv_vec3 t_limb[GV_LIMBS],
+                   double out_tension_n[GV_FINGERS]);
 // The flexion joints of a finger (sensor numbers) and the tendon's moment arms there, metres.
 int gv_tendon_joints(int finger, int out_sensor[3], double out_arm_m[3]);
 
 typedef struct gv_limiter_config {
-  double max_n;            // of every channel (CyberGrasp: 12)
-  double finger_max_n[GV_FINGERS]; // of each channel, where lower
-  double pretension_n;     // the least pull while forces may leave, so that no tendon hangs slack; 0: none
-  double slew_n_per_s;     // the fastest a force may rise; falling is never slowed except by ramp_s
-  double ramp_s;           // full force to zero when doubt arises
-  double max_age_s;        // of the newest sample behind the force
+  double max_n;                     // of every channel (CyberGrasp: 12)
+  double finger_max_n[GV_FINGERS];  // of each channel, where lower
+  double pretension_n;  // the least pull while forces may leave, so that no tendon hangs slack; 0: none
+  double slew_n_per_s;  // the fastest a force may rise; falling is never slowed except by ramp_s
+  double ramp_s;        // full force to zero when doubt arises
+  double max_age_s;     // of the newest sample behind the force
 } gv_limiter_config;
 
 gv_limiter_config gv_limiter_config_default(void);
@@ -37,20 +38,24 @@ extern const gv_setting gv_limiter_settings[GV_LIMITER_SETTINGS];
 const char *gv_limiter_check(const gv_limiter_config *cfg);
 
 typedef enum gv_limiter_flag {
-  GV_LIMITER_VALUE = 1 << 0, GV_LIMITER_SLEW = 1 << 1, GV_LIMITER_AGE = 1 << 2,
-  GV_LIMITER_NOT_FINITE = 1 << 3, GV_LIMITER_DISABLED = 1 << 4
+  GV_LIMITER_VALUE = 1 << 0,
+  GV_LIMITER_SLEW = 1 << 1,
+  GV_LIMITER_AGE = 1 << 2,
+  GV_LIMITER_NOT_FINITE = 1 << 3,
+  GV_LIMITER_DISABLED = 1 << 4
 } gv_limiter_flag;
 
 typedef struct gv_limiter {
   gv_limiter_config cfg;
-  double longest_rise_s;   // a command that comes later rises by no more than this time allows; 0: no such bound
+  double longest_rise_s;  // a command that comes later rises by no more than this time allows; 0: no
+                          // such bound
   double out_n[GV_FINGERS];
 } gv_limiter;
 
 void gv_limiter_init(gv_limiter *limiter, const gv_limiter_config *cfg);
-// One command, dt_s after the last. enabled false, an age over its limit or not finite, or any not-finite force: all
-// five ramp to zero within ramp_s. Returns gv_limiter_flag bits. out is in [0, min(max_n, finger_max_n)],
-// always finite.
+// One command, dt_s after the last. enabled false, an age over its limit or not finite, or any
+// not-finite force: all five ramp to zero within ramp_s. Returns gv_limiter_flag bits. out is in [0,
+// min(max_n, finger_max_n)], always finite.
 unsigned gv_limiter_step(gv_limiter *limiter, const double desired_n[GV_FINGERS], bool enabled, double age_s,
                          double dt_s, double out_n[GV_FINGERS]);
 

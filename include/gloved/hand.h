@@ -24,18 +24,40 @@ typedef enum gv_side { GV_RIGHT = 0, GV_LEFT = 1 } gv_side;
 
 // Sensor order of the 22-sensor CyberGlove. MPJ PIJ DIJ: proximal, middle, distal joint flexion.
 typedef enum gv_sensor {
-  GV_THUMB_ROTATE, GV_THUMB_MPJ, GV_THUMB_IJ, GV_THUMB_ABDUCTION,
-  GV_INDEX_MPJ, GV_INDEX_PIJ, GV_INDEX_DIJ,
-  GV_MIDDLE_MPJ, GV_MIDDLE_PIJ, GV_MIDDLE_DIJ, GV_MIDDLE_INDEX_ABDUCTION,
-  GV_RING_MPJ, GV_RING_PIJ, GV_RING_DIJ, GV_RING_MIDDLE_ABDUCTION,
-  GV_LITTLE_MPJ, GV_LITTLE_PIJ, GV_LITTLE_DIJ, GV_LITTLE_RING_ABDUCTION,
-  GV_PALM_ARCH, GV_WRIST_PITCH, GV_WRIST_YAW
+  GV_THUMB_ROTATE,
+  GV_THUMB_MPJ,
+  GV_THUMB_IJ,
+  GV_THUMB_ABDUCTION,
+  GV_INDEX_MPJ,
+  GV_INDEX_PIJ,
+  GV_INDEX_DIJ,
+  GV_MIDDLE_MPJ,
+  GV_MIDDLE_PIJ,
+  GV_MIDDLE_DIJ,
+  GV_MIDDLE_INDEX_ABDUCTION,
+  GV_RING_MPJ,
+  GV_RING_PIJ,
+  GV_RING_DIJ,
+  GV_RING_MIDDLE_ABDUCTION,
+  GV_LITTLE_MPJ,
+  GV_LITTLE_PIJ,
+  GV_LITTLE_DIJ,
+  GV_LITTLE_RING_ABDUCTION,
+  GV_PALM_ARCH,
+  GV_WRIST_PITCH,
+  GV_WRIST_YAW
 } gv_sensor;
 
 // Limb index = 3 * finger + segment (0 proximal, 1 middle, 2 distal; the thumb's are metacarpal,
 // proximal, distal); the palm is the last.
-typedef enum gv_limb { GV_LIMB_THUMB = 0, GV_LIMB_INDEX = 3, GV_LIMB_MIDDLE = 6, GV_LIMB_RING = 9,
-                       GV_LIMB_LITTLE = 12, GV_LIMB_PALM = 15 } gv_limb;
+typedef enum gv_limb {
+  GV_LIMB_THUMB = 0,
+  GV_LIMB_INDEX = 3,
+  GV_LIMB_MIDDLE = 6,
+  GV_LIMB_RING = 9,
+  GV_LIMB_LITTLE = 12,
+  GV_LIMB_PALM = 15
+} gv_limb;
 
 // Static names, e.g. "thumb_ij", "index_proximal", "palm"; null beyond the range.
 const char *gv_sensor_name(int sensor);
@@ -69,7 +91,8 @@ gv_calibration gv_calibration_default(void);
 int gv_calibration_check(const gv_calibration *cal);
 // Angle of one raw value, radians. Not limited.
 static inline double gv_calibration_angle(const gv_calibration *cal, int sensor, double raw) {
-  const double *r = cal->raw[sensor], *a = cal->angle_rad[sensor];
+  const double *r = cal->raw[sensor];
+  const double *a = cal->angle_rad[sensor];
   return a[0] + (raw - r[0]) * (a[1] - a[0]) / (r[1] - r[0]);
 }
 // Raw value of an angle: the inverse, not rounded, not limited (used by simulated devices).
@@ -77,8 +100,8 @@ double gv_calibration_raw(const gv_calibration *cal, int sensor, double angle_ra
 
 // 16 driver frames in the world from the angles (radians, order gv_sensor) and the wrist pose.
 // Cost: about 1 us. Not-a-number in gives not-a-number out (the caller checks its samples).
-void gv_hand_frames(const gv_hand_model *model, const gv_pose *T_world_wrist, const double angle_rad[GV_SENSORS],
-                    gv_pose out_T_world_limb[GV_LIMBS]);
+void gv_hand_frames(const gv_hand_model *model, const gv_pose *T_world_wrist,
+                    const double angle_rad[GV_SENSORS], gv_pose out_T_world_limb[GV_LIMBS]);
 
 // Half length of a limb's core segment (along its x), metres; limb < 15.
 double gv_hand_half_length(const gv_hand_model *model, int limb);
@@ -89,12 +112,16 @@ extern const int gv_flexion[GV_FINGERS][3];
 // Geometric Jacobian columns: world position and unit axis of the joint that `sensor` turns, and
 // which limbs it moves (bit per limb). Used to map limb wrenches to joint torques:
 // tau = axis . (sum over moved limbs of t + (p_limb - p_joint) x f).
-typedef struct gv_joint_axis { gv_vec3 p_world, axis_world; uint32_t limbs; } gv_joint_axis;
-void gv_hand_joints(const gv_hand_model *model, const gv_pose *T_world_wrist, const double angle_rad[GV_SENSORS],
-                    gv_joint_axis out_joint[GV_SENSORS]);
+typedef struct gv_joint_axis {
+  gv_vec3 p_world, axis_world;
+  uint32_t limbs;
+} gv_joint_axis;
+void gv_hand_joints(const gv_hand_model *model, const gv_pose *T_world_wrist,
+                    const double angle_rad[GV_SENSORS], gv_joint_axis out_joint[GV_SENSORS]);
 // Both at the cost of one; either may be null.
-void gv_hand_pose(const gv_hand_model *model, const gv_pose *T_world_wrist, const double angle_rad[GV_SENSORS],
-                  gv_pose out_T_world_limb[GV_LIMBS], gv_joint_axis out_joint[GV_SENSORS]);
+void gv_hand_pose(const gv_hand_model *model, const gv_pose *T_world_wrist,
+                  const double angle_rad[GV_SENSORS], gv_pose out_T_world_limb[GV_LIMBS],
+                  gv_joint_axis out_joint[GV_SENSORS]);
 
 #ifdef __cplusplus
 }

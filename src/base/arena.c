@@ -18,15 +18,20 @@ static size_t aligned_offset(const gv_arena *arena) {
 
 void *gv_arena_alloc(gv_arena *arena, const char *name, size_t size) {
   // In a dry run `used` also plays the part of `peak`, plus one alignment for a crooked buffer.
-  size_t offset = aligned_offset(arena), end = offset + size;
-  if (end < offset) return NULL;
+  size_t offset = aligned_offset(arena);
+  size_t end = offset + size;
+  if (end < offset)
+    return NULL;
   size_t need = end + GV_ARENA_ALIGN;
-  if (need > arena->peak) arena->peak = need;
-  if (arena->base && end > arena->size) return NULL;
+  if (need > arena->peak)
+    arena->peak = need;
+  if (arena->base && end > arena->size)
+    return NULL;
   arena->used = end;
   if (arena->block_count < GV_ARENA_BLOCKS)
     arena->blocks[arena->block_count++] = (gv_arena_block){name, offset, size};
-  if (!arena->base) return NULL;
+  if (!arena->base)
+    return NULL;
   memset(arena->base + offset, 0, size);
   return arena->base + offset;
 }

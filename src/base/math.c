@@ -10,16 +10,27 @@ void gv_sincos(double angle_rad, double *out_sin, double *out_cos) {
     return;
   }
   // Cody-Waite: pi/2 in three parts, the first two with trailing zeros, so n * part is exact.
-  const double part1 = 1.57079632673412561417e+00, part2 = 6.07710050630396597660e-11,
-               part3 = 2.02226624879595063154e-21;
+  const double part1 = 1.57079632673412561417e+00;
+  const double part2 = 6.07710050630396597660e-11;
+  const double part3 = 2.02226624879595063154e-21;
   double n = floor(angle_rad * (2.0 / GV_PI) + 0.5);
   double r = ((angle_rad - n * part1) - n * part2) - n * part3;
-  double s = gv_sin_near(r), c = gv_cos_near(r);
+  double s = gv_sin_near(r);
+  double c = gv_cos_near(r);
   double quarter = n - 4.0 * floor(n * 0.25);  // 0, 1, 2 or 3
-  if (quarter < 0.5) { *out_sin = s; *out_cos = c; }
-  else if (quarter < 1.5) { *out_sin = c; *out_cos = -s; }
-  else if (quarter < 2.5) { *out_sin = -s; *out_cos = -c; }
-  else { *out_sin = -c; *out_cos = s; }
+  if (quarter < 0.5) {
+    *out_sin = s;
+    *out_cos = c;
+  } else if (quarter < 1.5) {
+    *out_sin = c;
+    *out_cos = -s;
+  } else if (quarter < 2.5) {
+    *out_sin = -s;
+    *out_cos = -c;
+  } else {
+    *out_sin = -c;
+    *out_cos = s;
+  }
 }
 
 // atan on [0, 1]: shifted to the nearest quarter, then Taylor on |u| <= 1/8.
@@ -27,7 +38,9 @@ static double atan_unit(double t) {
   static const double atan_quarter[5] = {0.0, 0.24497866312686415417, 0.46364760900080611621,
                                          0.64350110879328438680, 0.78539816339744830962};
   int k = (int)(t * 4.0 + 0.5);
-  double c = 0.25 * k, u = (t - c) / (1.0 + t * c), s = u * u;
+  double c = 0.25 * k;
+  double u = (t - c) / (1.0 + t * c);
+  double s = u * u;
   double p = 1.0 / 17.0;
   p = 1.0 / -15.0 + s * p;
   p = 1.0 / 13.0 + s * p;
@@ -40,19 +53,24 @@ static double atan_unit(double t) {
 }
 
 double gv_atan2(double y, double x) {
-  double ax = fabs(x), ay = fabs(y);
-  if (!(ax > 0.0) && !(ay > 0.0)) return 0.0;
+  double ax = fabs(x);
+  double ay = fabs(y);
+  if (!(ax > 0.0) && !(ay > 0.0))
+    return 0.0;
   double a = ay <= ax ? atan_unit(ay / ax) : 0.5 * GV_PI - atan_unit(ax / ay);
-  if (x < 0.0) a = GV_PI - a;
+  if (x < 0.0)
+    a = GV_PI - a;
   return y < 0.0 ? -a : a;
 }
 
 double gv_cbrt(double x) {
-  if (!(x > 0.0) || !isfinite(x)) return 0.0;
+  if (!(x > 0.0) || !isfinite(x))
+    return 0.0;
   double y = x < 1.0 ? 1.0 : x;  // above the root: Newton falls monotonically
   for (int i = 0; i < 2000; i++) {
     double next = (2.0 * y + x / (y * y)) / 3.0;
-    if (!(next < y)) break;
+    if (!(next < y))
+      break;
     y = next;
   }
   return y;
@@ -71,6 +89,8 @@ double gv_angle_per_sine(double s2, double w) {
 
 gv_quat gv_quat_exp(gv_vec3 rotation_rad) {
   double a = gv_norm(rotation_rad);
-  if (a < 1e-9) return gv_quat_normalize((gv_quat){1.0, 0.5 * rotation_rad.x, 0.5 * rotation_rad.y, 0.5 * rotation_rad.z});
+  if (a < 1e-9)
+    return gv_quat_normalize(
+        (gv_quat){1.0, 0.5 * rotation_rad.x, 0.5 * rotation_rad.y, 0.5 * rotation_rad.z});
   return gv_quat_axis_angle(gv_scale(rotation_rad, 1.0 / a), a);
 }

@@ -13,7 +13,7 @@ typedef struct pool {
   uint8_t *base;
   size_t size, used;
   void *free_list[POOL_CLASSES];
-  unsigned failed;      // requests that did not fit
+  unsigned failed;  // requests that did not fit
 } pool;
 
 static inline void pool_init(pool *p, void *base, size_t size) { *p = (pool){.base = base, .size = size}; }
@@ -25,7 +25,10 @@ static inline void *pool_alloc(pool *p, size_t size) {
     p->free_list[units] = *head;
     return head;
   }
-  if (units * POOL_UNIT > p->size - p->used) { p->failed++; return NULL; }
+  if (units * POOL_UNIT > p->size - p->used) {
+    p->failed++;
+    return NULL;
+  }
   void *at = p->base + p->used;
   p->used += units * POOL_UNIT;
   return at;
@@ -33,7 +36,8 @@ static inline void *pool_alloc(pool *p, size_t size) {
 
 static inline void pool_free(pool *p, void *at, size_t size) {
   size_t units = (size + POOL_UNIT - 1) / POOL_UNIT;
-  if (!at || units == 0 || units >= POOL_CLASSES) return;
+  if (!at || units == 0 || units >= POOL_CLASSES)
+    return;
   *(void **)at = p->free_list[units];
   p->free_list[units] = at;
 }

@@ -21,7 +21,9 @@ static double number_at(const gv_setting *s, const void *configuration, int i) {
       return s->kind == GV_SETTING_LENGTH ? number * 1e3 : number;
     case GV_SETTING_COUNT: memcpy(&count, at, sizeof count); return count;
     case GV_SETTING_INTEGER: memcpy(&integer, at, sizeof integer); return integer;
-    case GV_SETTING_BOOL: case GV_SETTING_CHOICE: case GV_SETTING_TEXT_OF: break;
+    case GV_SETTING_BOOL:
+    case GV_SETTING_CHOICE:
+    case GV_SETTING_TEXT_OF: break;
   }
   return 0.0;
 }
@@ -44,24 +46,29 @@ double gv_setting_value(const gv_setting *s, const void *configuration) {
 static bool is_word(const gv_setting *s, const void *configuration) {
   unsigned word, words = 0;
   memcpy(&word, (const char *)configuration + s->offset, sizeof word);
-  while (s->words[words]) words++;
+  while (s->words[words])
+    words++;
   return word < words;
 }
 
 // A metre that became millimetres may be off by a last bit.
 bool gv_setting_sound(const gv_setting *s, const void *configuration) {
-  if (s->kind == GV_SETTING_CHOICE) return is_word(s, configuration);
-  if (!is_number(s)) return true;
+  if (s->kind == GV_SETTING_CHOICE)
+    return is_word(s, configuration);
+  if (!is_number(s))
+    return true;
   const double slack = s->kind == GV_SETTING_LENGTH ? 1e-12 * fabs(s->max) : 0.0;
   for (int i = 0; i < numbers_of(s); i++) {
     const double value = number_at(s, configuration, i);
-    if (!(value >= s->min - slack && value <= s->max + slack)) return false;
+    if (!(value >= s->min - slack && value <= s->max + slack))
+      return false;
   }
   return true;
 }
 
 bool gv_setting_laxer(const gv_setting *s, const void *configuration, const void *defaults) {
-  const double value = gv_setting_value(s, configuration), usual = gv_setting_value(s, defaults);
+  const double value = gv_setting_value(s, configuration);
+  const double usual = gv_setting_value(s, defaults);
   switch (s->laxer) {
     case GV_LAXER_NEVER: return false;
     case GV_LAXER_ABOVE: return value > usual;

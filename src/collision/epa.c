@@ -32,10 +32,10 @@ typedef struct search {
   gv_polytope_edge edge[GV_EPA_MAX_FACES + 2];
   uint16_t seen[GV_EPA_MAX_FACES + 2], link[GV_EPA_MAX_VERTICES];
   uint16_t vertex_a[GV_EPA_MAX_VERTICES], vertex_b[GV_EPA_MAX_VERTICES];  // of the hulls, below each w
-  int count;              // of w
-  double size;            // largest |w| of the seeds, metres
-  double best;            // least h so far
-  double unproved;        // least offset of a face that could not grow, though there was something beyond it
+  int count;                                                              // of w
+  double size;                                                            // largest |w| of the seeds, metres
+  double best;                                                            // least h so far
+  double unproved;  // least offset of a face that could not grow, though there was something beyond it
   gv_vec3 best_normal;
 } search;
 
@@ -64,11 +64,17 @@ static void keep_point(search *s) {
 // Seeds: four corners around the guess (on the face itself, where the obstacle has one there), then once
 // around the obstacle: sideways, the far side, the other side. Each climb starts at the last one's end.
 static void ask_seeds(search *s, gv_vec3 guess) {
-  gv_vec3 t = gv_any_perpendicular(guess), u = gv_cross(guess, t);
+  gv_vec3 t = gv_any_perpendicular(guess);
+  gv_vec3 u = gv_cross(guess, t);
   const double tilt = 0.02;
   const gv_vec3 direction[SEEDS] = {
-    gv_mad(guess, -tilt, t), gv_mad(guess, tilt, u), gv_mad(guess, -tilt, u), gv_mad(guess, tilt, t),
-    t, gv_neg(guess), gv_neg(t),
+    gv_mad(guess, -tilt, t),
+    gv_mad(guess, tilt, u),
+    gv_mad(guess, -tilt, u),
+    gv_mad(guess, tilt, t),
+    t,
+    gv_neg(guess),
+    gv_neg(t),
   };
   for (int i = 0; i < SEEDS; i++) {
     (void)ask(s, direction[i]);
@@ -79,9 +85,11 @@ static void ask_seeds(search *s, gv_vec3 guess) {
 // The side that was the nearest last time, and the far side: mostly that is all. False where none is known.
 static bool recall_seeds(search *s, gv_vec3 guess) {
   gv_cso_point p;
-  if (!s->cso->cache->overlap || s->cso->cache->corners != 3) return false;
+  if (!s->cso->cache->overlap || s->cso->cache->corners != 3)
+    return false;
   for (int k = 0; k < 3; k++) {
-    if (!gv_cso_recall(s->cso, k, &p)) return false;
+    if (!gv_cso_recall(s->cso, k, &p))
+      return false;
     s->w[k] = p.w;
     s->on_a[k] = p.a;
     s->vertex_a[k] = p.vertex_a;
@@ -99,7 +107,8 @@ static bool start_polytope(search *s) {
   double tolerance = 1e-9 * s->size;
   uint16_t pick[4];
   if (!gv_polytope_pick_tetrahedron(s->w, s->count, tolerance, pick)) {
-    gv_vec3 x = gv_sub(s->w[pick[1]], s->w[pick[0]]), y = gv_sub(s->w[pick[2]], s->w[pick[0]]);
+    gv_vec3 x = gv_sub(s->w[pick[1]], s->w[pick[0]]);
+    gv_vec3 y = gv_sub(s->w[pick[2]], s->w[pick[0]]);
     gv_vec3 along = gv_normalize_or(x, gv_v3(0, 0, 1));
     gv_vec3 across = gv_normalize_or(gv_cross(x, y), gv_any_perpendicular(along));
     gv_vec3 other = gv_cross(across, along);
@@ -108,7 +117,8 @@ static bool start_polytope(search *s) {
       (void)ask(s, direction[i]);
       keep_point(s);
     }
-    if (!gv_polytope_pick_tetrahedron(s->w, s->count, tolerance, pick)) return false;
+    if (!gv_polytope_pick_tetrahedron(s->w, s->count, tolerance, pick))
+      return false;
   }
   return gv_polytope_start(&s->polytope, pick);
 }
@@ -116,7 +126,8 @@ static bool start_polytope(search *s) {
 static void add_seeds(search *s) {
   for (int i = 0; i < s->count; i++) {
     int seed = gv_polytope_most_visible(&s->polytope, s->w[i]);
-    if (seed < 0) continue;
+    if (seed < 0)
+      continue;
     *s->cso->operations += ADD_OPERATIONS;
     (void)gv_polytope_add(&s->polytope, (uint16_t)i, seed);
   }
@@ -125,7 +136,8 @@ static void add_seeds(search *s) {
 static int find_nearest_face(const gv_polytope *P) {
   int best = -1;
   for (int f = 0; f < P->face_count; f++)
-    if (gv_polytope_alive(P, f) && (best < 0 || P->face[f].offset < P->face[best].offset)) best = f;
+    if (gv_polytope_alive(P, f) && (best < 0 || P->face[f].offset < P->face[best].offset))
+      best = f;
   return best;
 }
 
@@ -135,7 +147,8 @@ static int find_pierced_face(const gv_polytope *P, gv_vec3 n) {
   double nearest = HUGE_VAL;
   for (int f = 0; f < P->face_count; f++) {
     double slope = gv_dot(P->face[f].normal, n);
-    if (!gv_polytope_alive(P, f) || slope <= 0 || P->face[f].offset >= nearest * slope) continue;
+    if (!gv_polytope_alive(P, f) || slope <= 0 || P->face[f].offset >= nearest * slope)
+      continue;
     nearest = P->face[f].offset / slope;
     found = f;
   }
@@ -146,12 +159,14 @@ static int find_pierced_face(const gv_polytope *P, gv_vec3 n) {
 static bool grow_at(search *s, int f) {
   gv_polytope *P = &s->polytope;
   *s->cso->operations += ADD_OPERATIONS + P->face_count / 2;  // both searches of the faces
-  double offset = P->face[f].offset, h = ask_beyond(s, &P->face[f]);
+  double offset = P->face[f].offset;
+  double h = ask_beyond(s, &P->face[f]);
   if (h < s->best) {
     s->best = h;
     s->best_normal = P->face[f].normal;
   }
-  if (h - offset <= P->tolerance) return false;
+  if (h - offset <= P->tolerance)
+    return false;
   s->count++;
   if (!gv_polytope_add(P, (uint16_t)(s->count - 1), f)) {  // final: as close as rounding allows
     P->face[f].offset = h;
@@ -168,10 +183,14 @@ static double expand(search *s, int *io_iterations) {
   for (; *io_iterations < GV_EPA_MAX_ITERATIONS; ++*io_iterations) {
     int f = find_nearest_face(P);
     lower = P->face[f].offset;
-    if (lower >= s->best - P->tolerance) break;
-    if (lower >= s->best - 10 * P->tolerance && ++close > CLOSE) break;
-    if (lower > 0) P->least_offset = lower - 1e-10 * s->size;  // the ball of that radius is inside already
-    if (!grow_at(s, f)) break;
+    if (lower >= s->best - P->tolerance)
+      break;
+    if (lower >= s->best - 10 * P->tolerance && ++close > CLOSE)
+      break;
+    if (lower > 0)
+      P->least_offset = lower - 1e-10 * s->size;  // the ball of that radius is inside already
+    if (!grow_at(s, f))
+      break;
   }
   return fmin(fmin(lower, s->unproved), s->best);
 }
@@ -183,7 +202,8 @@ static void descend(search *s, int *io_iterations) {
   for (int i = 0; i < GV_EPA_MAX_DESCENT; i++, ++*io_iterations) {
     double best = s->best;
     int f = find_pierced_face(&s->polytope, s->best_normal);
-    if (f < 0 || (!grow_at(s, f) && s->best >= best)) break;
+    if (f < 0 || (!grow_at(s, f) && s->best >= best))
+      break;
   }
 }
 
@@ -196,14 +216,16 @@ static void find_on_a(const search *s, gv_epa_result *out) {
   gv_vec3 foot = gv_scale(s->best_normal, s->best);
   out->on_a = s->on_a[0];
   for (int f = 0; f < P->face_count; f++) {
-    if (!gv_polytope_alive(P, f) || P->face[f].offset > s->best + same_side) continue;
+    if (!gv_polytope_alive(P, f) || P->face[f].offset > s->best + same_side)
+      continue;
     gv_simplex side = {.count = 3};
     for (int k = 0; k < 3; k++) {
       uint16_t v = P->face[f].vertex[k];
       side.p[k] = (gv_cso_point){.w = s->w[v], .a = s->on_a[v]};
     }
     double off = gv_norm(gv_sub(gv_simplex_solve_triangle(&side), foot));
-    if (!(off < least)) continue;
+    if (!(off < least))
+      continue;
     least = off;
     out->on_a = gv_simplex_on_a(&side);
     best = &P->face[f];
@@ -221,17 +243,26 @@ bool gv_epa_run(const gv_cso *cso, gv_vec3 guess, gv_epa_result *out) {
   s.count = 0;
   s.size = 0;
   *cso->operations += EPA_OPERATIONS;
-  s.polytope = (gv_polytope){.point = s.w, .face = s.face, .edge = s.edge, .seen = s.seen, .link = s.link,
-                             .face_max = GV_EPA_MAX_FACES, .free_head = -1, .least_offset = -HUGE_VAL};
-  if (!recall_seeds(&s, guess)) ask_seeds(&s, guess);
-  if (!start_polytope(&s)) return false;
+  s.polytope = (gv_polytope){.point = s.w,
+                             .face = s.face,
+                             .edge = s.edge,
+                             .seen = s.seen,
+                             .link = s.link,
+                             .face_max = GV_EPA_MAX_FACES,
+                             .free_head = -1,
+                             .least_offset = -HUGE_VAL};
+  if (!recall_seeds(&s, guess))
+    ask_seeds(&s, guess);
+  if (!start_polytope(&s))
+    return false;
   s.polytope.tolerance = 1e-12 * s.size;
   s.best = s.unproved = HUGE_VAL;
   s.best_normal = guess;
   add_seeds(&s);
   out->iterations = 0;
   out->lower_bound = expand(&s, &out->iterations);
-  if (out->iterations == GV_EPA_MAX_ITERATIONS) descend(&s, &out->iterations);
+  if (out->iterations == GV_EPA_MAX_ITERATIONS)
+    descend(&s, &out->iterations);
   out->depth = s.best;
   out->normal = s.best_normal;
   find_on_a(&s, out);
@@ -246,12 +277,14 @@ typedef struct sweep {
 static void try_direction(sweep *s, gv_vec3 d) {
   double length = gv_norm(d);
   *s->cso->operations += 5;
-  if (!(length > 1e-12)) return;
+  if (!(length > 1e-12))
+    return;
   gv_vec3 n = gv_scale(d, 1.0 / length);
   gv_cso_point p = gv_cso_support(s->cso, n);
   double h = gv_dot(p.w, n);
   s->out->iterations++;
-  if (!(h < s->out->depth)) return;
+  if (!(h < s->out->depth))
+    return;
   s->out->depth = h;
   s->out->normal = n;
   s->out->on_a = p.a;
@@ -264,15 +297,18 @@ static int list_edges(const gv_core *core, int max, gv_vec3 *out_edge) {
   int count = 0;
   if (core->kind != GV_CORE_HULL) {
     int axes = core->kind == GV_CORE_BOX ? 3 : 1;
-    for (; count < axes && count < max; count++) out_edge[count] = core->axis[count];
+    for (; count < axes && count < max; count++)
+      out_edge[count] = core->axis[count];
     return count;
   }
   const gv_hull *hull = core->hull;
-  if (hull->neighbor_start[hull->vertex_count] > 2 * max) return 0;  // too many for any of them to matter
+  if (hull->neighbor_start[hull->vertex_count] > 2 * max)
+    return 0;  // too many for any of them to matter
   for (int v = 0; v < hull->vertex_count; v++) {
     for (int k = hull->neighbor_start[v]; k < hull->neighbor_start[v + 1] && count < max; k++) {
       const int to = hull->neighbor[k];
-      if (to > v) out_edge[count++] = turn(core, gv_sub(hull->vertex[to], hull->vertex[v]));
+      if (to > v)
+        out_edge[count++] = turn(core, gv_sub(hull->vertex[to], hull->vertex[v]));
     }
   }
   return count;
@@ -303,7 +339,8 @@ void gv_epa_sweep_faces(const gv_cso *cso, gv_vec3 guess, gv_epa_result *out) {
   try_direction(&s, guess);
   try_faces(&s, &cso->b, 1);
   try_faces(&s, &cso->a, -1);
-  int na = list_edges(&cso->a, SWEEP_EDGES, edge_a), nb = list_edges(&cso->b, SWEEP_EDGES, edge_b);
+  int na = list_edges(&cso->a, SWEEP_EDGES, edge_a);
+  int nb = list_edges(&cso->b, SWEEP_EDGES, edge_b);
   for (int i = 0; i < na; i++) {
     for (int k = 0; k < nb; k++) {
       const gv_vec3 none = {0, 0, 0};

@@ -18,7 +18,8 @@ typedef struct best_face {
 static void better_face_at(const gv_hull *hull, int vertex, gv_vec3 d, best_face *io_best) {
   for (int k = hull->neighbor_start[vertex]; k < hull->neighbor_start[vertex + 1]; k++) {
     double cosine = gv_dot(hull->face_normal[hull->neighbor_face[k]], d);
-    if (cosine > io_best->cosine) *io_best = (best_face){hull->neighbor_face[k], cosine};
+    if (cosine > io_best->cosine)
+      *io_best = (best_face){hull->neighbor_face[k], cosine};
   }
 }
 
@@ -27,7 +28,8 @@ static int scan_faces(const gv_hull *hull, gv_vec3 d) {
   double high = gv_dot(hull->face_normal[0], d);
   for (int f = 1; f < hull->face_count; f++) {
     double cosine = gv_dot(hull->face_normal[f], d);
-    if (!(cosine > high)) continue;
+    if (!(cosine > high))
+      continue;
     high = cosine;
     best = f;
   }
@@ -46,7 +48,8 @@ static int walk_faces(const gv_hull *hull, uint16_t *vertex, gv_vec3 d, int *io_
     from = best.index;
     *io_operations += 6 * (hull->face_start[from + 1] - hull->face_start[from]);
     for (int k = hull->face_start[from]; k < hull->face_start[from + 1]; k++)
-      if (hull->face_vertex[k] != *vertex) better_face_at(hull, hull->face_vertex[k], d, &best);
+      if (hull->face_vertex[k] != *vertex)
+        better_face_at(hull, hull->face_vertex[k], d, &best);
   }
   return best.index;
 }
@@ -58,7 +61,8 @@ void gv_face_of_hull(const gv_core *core, int f, gv_face *out) {
   out->count = hull->face_start[f + 1] - hull->face_start[f];
   out->normal = gv_core_turn(core, hull->face_normal[f]);
   out->index = (uint16_t)f;
-  for (int k = 0; k < out->count; k++) out->p[k] = gv_core_vertex(core, corner[k]);
+  for (int k = 0; k < out->count; k++)
+    out->p[k] = gv_core_vertex(core, corner[k]);
 }
 
 static void take_hull_side(const gv_core *core, gv_vec3 d, uint16_t *vertex, gv_face *out,
@@ -83,7 +87,8 @@ static void take_box_side(const gv_core *core, gv_vec3 d, gv_face *out) {
   gv_vec3 d_box = gv_mat3_mul_t(&core->R, d);
   const double along[3] = {d_box.x, d_box.y, d_box.z};
   int k = fabs(along[1]) > fabs(along[0]) ? 1 : 0;
-  if (fabs(along[2]) > fabs(along[k])) k = 2;
+  if (fabs(along[2]) > fabs(along[k]))
+    k = 2;
   double side = along[k] >= 0 ? 1 : -1;
   gv_vec3 c = gv_mad(core->center, side, core->axis[k]);
   gv_vec3 u = core->axis[(k + 1) % 3];
@@ -125,11 +130,14 @@ void gv_face_clip(const gv_face *in, gv_vec3 at, gv_vec3 outward, double slack, 
   out->count = 0;
   for (int k = 0; k < n && out->count + 2 <= GV_FACE_CORNERS; k++) {
     gv_vec3 p = in->p[k];
-    if (hp <= 0) out->p[out->count++] = p;
-    if (k == edges) break;
+    if (hp <= 0)
+      out->p[out->count++] = p;
+    if (k == edges)
+      break;
     gv_vec3 q = in->p[k + 1 < n ? k + 1 : 0];
     double hq = gv_dot(outward, gv_sub(q, at)) - outside;
-    if ((hp <= 0) != (hq <= 0)) out->p[out->count++] = gv_mad(p, hp / (hp - hq), gv_sub(q, p));
+    if ((hp <= 0) != (hq <= 0))
+      out->p[out->count++] = gv_mad(p, hp / (hp - hq), gv_sub(q, p));
     hp = hq;
   }
 }

@@ -17,15 +17,18 @@ enum { GJK_OPERATIONS = 20 };
 
 static bool is_corner(const gv_simplex *s, gv_vec3 w) {
   for (int k = 0; k < s->count; k++)
-    if (s->p[k].w.x == w.x && s->p[k].w.y == w.y && s->p[k].w.z == w.z) return true;
+    if (s->p[k].w.x == w.x && s->p[k].w.y == w.y && s->p[k].w.z == w.z)
+      return true;
   return false;
 }
 
 bool gv_gjk_recall(const gv_cso *cso, gv_simplex *s) {
   const gv_pair_cache *c = cso->cache;
-  if (c->corners == 0 || c->corners > 3 || c->overlap) return false;
+  if (c->corners == 0 || c->corners > 3 || c->overlap)
+    return false;
   for (s->count = 0; s->count < c->corners; s->count++)
-    if (!gv_cso_recall(cso, s->count, &s->p[s->count])) return false;
+    if (!gv_cso_recall(cso, s->count, &s->p[s->count]))
+      return false;
   return true;
 }
 
@@ -46,25 +49,32 @@ gv_gjk_outcome gv_gjk_walk(gv_gjk *g) {
   int stalls = 0;
   assert(s->count >= 1 && s->count <= 3);
   s->weight[0] = 1;
-  if (s->count > 1) g->solve(s, &v);
+  if (s->count > 1)
+    g->solve(s, &v);
   for (int i = 0; i < GV_GJK_MAX_ITERATIONS; i++) {
     double upper = gv_norm(v);
-    if (upper <= gv_touching_m) return GV_GJK_OVERLAP;
+    if (upper <= gv_touching_m)
+      return GV_GJK_OVERLAP;
     g->iterations++;
     *g->cso->operations += GJK_OPERATIONS;
     g->n = gv_scale(v, -1.0 / upper);
     gv_cso_point p = gv_cso_support(g->cso, g->n);
     lower = -gv_dot(g->n, p.w);
-    if (lower > g->limit) return GV_GJK_BEYOND;
-    if (upper - lower <= 1e-13 * (upper + gv_norm(p.w)) || is_corner(s, p.w)) break;
+    if (lower > g->limit)
+      return GV_GJK_BEYOND;
+    if (upper - lower <= 1e-13 * (upper + gv_norm(p.w)) || is_corner(s, p.w))
+      break;
     gv_simplex next = *s;
     gv_vec3 v_next = v;
     next.p[next.count++] = p;
-    if (!g->solve(&next, &v_next)) return GV_GJK_OVERLAP;
+    if (!g->solve(&next, &v_next))
+      return GV_GJK_OVERLAP;
     double progress = upper - gv_norm(v_next);
     double rounding = 1e-16 * gv_norm(p.w);
-    if (progress <= rounding) stalls++;
-    if (progress <= -rounding || stalls > STALLS) break;  // as near as rounding allows
+    if (progress <= rounding)
+      stalls++;
+    if (progress <= -rounding || stalls > STALLS)
+      break;  // as near as rounding allows
     *s = next;
     v = v_next;
   }

@@ -22,10 +22,10 @@
 
 enum { MOST_SUPPORTS = 400, MPR_ITERATIONS = 100, SHIFTS = 16, STARTS = 6 };
 
-static const double mm = 1000.0;          // per metre
-static const double no_weight = 1e-12;    // a corner that carries less of the nearest point carries none
-static const double same_depth = 1e-12;   // metres
-static const double least_clearance = 1e-3; // metres between the shapes when A has been moved out
+static const double mm = 1000.0;             // per metre
+static const double no_weight = 1e-12;       // a corner that carries less of the nearest point carries none
+static const double same_depth = 1e-12;      // metres
+static const double least_clearance = 1e-3;  // metres between the shapes when A has been moved out
 
 static ccd_vec3_t to_mm(gv_vec3 v) { return (ccd_vec3_t)CCD_VEC3_STATIC(mm * v.x, mm * v.y, mm * v.z); }
 static gv_vec3 from_mm(const ccd_vec3_t *v) { return gv_v3(v->v[0] / mm, v->v[1] / mm, v->v[2] / mm); }
@@ -40,14 +40,18 @@ static gv_vec3 keep_corner(gv_simplex *s, int k) {
 }
 
 static gv_vec3 solve_segment(gv_simplex *s) {
-  ccd_vec3_t from = to_mm(s->p[0].w), to = to_mm(s->p[1].w), nearest;
+  ccd_vec3_t from = to_mm(s->p[0].w);
+  ccd_vec3_t to = to_mm(s->p[1].w);
+  ccd_vec3_t nearest;
   ccdVec3PointSegmentDist2(ccd_vec3_origin, &from, &to, &nearest);
   gv_vec3 v = from_mm(&nearest);
   gv_vec3 edge = gv_sub(s->p[1].w, s->p[0].w);
   double length2 = gv_norm2(edge);
   double t = length2 > 0 ? gv_dot(gv_sub(v, s->p[0].w), edge) / length2 : 0;
-  if (!(t > no_weight)) return keep_corner(s, 0);  // metres to millimetres and back is rounding too
-  if (t >= 1 - no_weight) return keep_corner(s, 1);
+  if (!(t > no_weight))
+    return keep_corner(s, 0);  // metres to millimetres and back is rounding too
+  if (t >= 1 - no_weight)
+    return keep_corner(s, 1);
   s->count = 2;
   s->weight[0] = 1 - t;
   s->weight[1] = t;
@@ -61,7 +65,8 @@ static gv_vec3 weigh_triangle(const gv_simplex *s, const double area[3], gv_simp
   double sum = 0;
   out->count = 0;
   for (int k = 0; k < 3; k++) {
-    if (!(area[k] > no_weight)) continue;
+    if (!(area[k] > no_weight))
+      continue;
     out->p[out->count] = s->p[k];
     out->weight[out->count++] = area[k];
     sum += area[k];
@@ -79,7 +84,8 @@ static gv_vec3 solve_edges(gv_simplex *s) {
   for (int k = 0; k < 3; k++) {
     gv_simplex edge = {.count = 2, .p = {s->p[k], s->p[(k + 1) % 3]}};
     gv_vec3 v_edge = solve_segment(&edge);
-    if (!(gv_norm2(v_edge) < gv_norm2(v))) continue;
+    if (!(gv_norm2(v_edge) < gv_norm2(v)))
+      continue;
     v = v_edge;
     best = edge;
   }
@@ -92,10 +98,13 @@ static gv_vec3 solve_edges(gv_simplex *s) {
 static gv_vec3 solve_triangle(gv_simplex *s) {
   ccd_vec3_t corner[3], nearest;
   gv_simplex carrying;
-  for (int k = 0; k < 3; k++) corner[k] = to_mm(s->p[k].w);
+  for (int k = 0; k < 3; k++)
+    corner[k] = to_mm(s->p[k].w);
   ccdVec3PointTriDist2(ccd_vec3_origin, &corner[0], &corner[1], &corner[2], &nearest);
   gv_vec3 asked = from_mm(&nearest);
-  gv_vec3 a = gv_sub(s->p[0].w, asked), b = gv_sub(s->p[1].w, asked), c = gv_sub(s->p[2].w, asked);
+  gv_vec3 a = gv_sub(s->p[0].w, asked);
+  gv_vec3 b = gv_sub(s->p[1].w, asked);
+  gv_vec3 c = gv_sub(s->p[2].w, asked);
   gv_vec3 n = gv_cross(gv_sub(b, a), gv_sub(c, a));
   double n2 = gv_norm2(n);
   const double area[3] = {
@@ -104,13 +113,15 @@ static gv_vec3 solve_triangle(gv_simplex *s) {
     gv_dot(n, gv_cross(a, b)) / n2,
   };
   gv_vec3 v = weigh_triangle(s, area, &carrying);
-  if (!(n2 > 0) || carrying.count == 0) return solve_edges(s);
+  if (!(n2 > 0) || carrying.count == 0)
+    return solve_edges(s);
   *s = carrying;
   return s->count == 2 ? solve_segment(s) : v;  // areas do not tell an end from a point near it
 }
 
 static bool solve(gv_simplex *s, gv_vec3 *out_nearest) {
-  if (s->count == 4) return gv_simplex_solve_tetrahedron(s, solve_triangle, out_nearest);
+  if (s->count == 4)
+    return gv_simplex_solve_tetrahedron(s, solve_triangle, out_nearest);
   *out_nearest = s->count == 3 ? solve_triangle(s) : solve_segment(s);
   return true;
 }
@@ -123,7 +134,7 @@ typedef struct asked {
   int *operations;
 } asked;
 
-typedef struct side {     // one core, as libccd sees it
+typedef struct side {  // one core, as libccd sees it
   const gv_core *core;
   uint16_t *hint;
   asked *asked;
@@ -132,7 +143,8 @@ typedef struct side {     // one core, as libccd sees it
 static void support(const void *object, const ccd_vec3_t *direction, ccd_vec3_t *out) {
   const side *s = object;
   *s->asked->operations += 10;
-  if (++s->asked->supports > MOST_SUPPORTS) longjmp(s->asked->way_out, 1);
+  if (++s->asked->supports > MOST_SUPPORTS)
+    longjmp(s->asked->way_out, 1);
   gv_vec3 d = gv_v3(direction->v[0], direction->v[1], direction->v[2]);
   *out = to_mm(gv_core_support(s->core, d, s->hint, s->asked->operations));
 }
@@ -156,8 +168,10 @@ static gv_vec3 ask_mpr(const gv_cso *cso, gv_vec3 otherwise) {
   ccd.center2 = center;
   ccd.max_iterations = MPR_ITERATIONS;
   ccd.mpr_tolerance = 1e-9 * mm;
-  if (setjmp(query.way_out)) return otherwise;
-  if (ccdMPRPenetration(&B, &A, &ccd, &depth, &direction, &position)) return otherwise;
+  if (setjmp(query.way_out))
+    return otherwise;
+  if (ccdMPRPenetration(&B, &A, &ccd, &depth, &direction, &position))
+    return otherwise;
   gv_vec3 n = gv_v3(direction.v[0], direction.v[1], direction.v[2]);
   return gv_norm2(n) > 0.5 ? gv_normalize_or(n, otherwise) : otherwise;
 }
@@ -165,7 +179,7 @@ static gv_vec3 ask_mpr(const gv_cso *cso, gv_vec3 otherwise) {
 // ---- depth by distances alone: the shift ----
 
 typedef struct overlap {
-  double depth;        // of the cores along n, metres; never less than the true one
+  double depth;  // of the cores along n, metres; never less than the true one
   gv_vec3 n, on_a;
 } overlap;
 
@@ -182,14 +196,17 @@ static void shift_out(const gv_cso *cso, gv_vec3 n, overlap *io_best, int *io_it
     g.simplex.p[0] = gv_cso_support(&moved, n);
     gv_gjk_outcome end = gv_gjk_walk(&g);
     *io_iterations += g.iterations;
-    if (end != GV_GJK_APART) return;
+    if (end != GV_GJK_APART)
+      return;
     double distance = gv_norm(g.nearest);
     gv_vec3 next = gv_scale(g.nearest, -1.0 / distance);
     double depth = move * gv_dot(n, next) - distance;
     double gain = io_best->depth - depth;
-    if (gain < -same_depth) return;
+    if (gain < -same_depth)
+      return;
     *io_best = (overlap){depth, next, gv_mad(gv_simplex_on_a(&g.simplex), -move, n)};
-    if (gain < same_depth && gv_norm2(gv_sub(next, n)) < 1e-20) return;  // A's witness lies over B's
+    if (gain < same_depth && gv_norm2(gv_sub(next, n)) < 1e-20)
+      return;  // A's witness lies over B's
     n = next;
   }
 }
@@ -200,7 +217,8 @@ static bool shift_from_axes(const gv_cso *cso, double share, overlap *io_best, i
   const gv_vec3 axis[STARTS] = {{1, 0, 0}, {-1, 0, 0}, {0, 1, 0}, {0, -1, 0}, {0, 0, 1}, {0, 0, -1}};
   double before = io_best->depth;
   for (int k = 0; k < STARTS; k++)
-    if (height(cso, axis[k]) < share * io_best->depth) shift_out(cso, axis[k], io_best, io_iterations);
+    if (height(cso, axis[k]) < share * io_best->depth)
+      shift_out(cso, axis[k], io_best, io_iterations);
   return io_best->depth < before - same_depth;
 }
 

@@ -5,7 +5,7 @@
 // thin plate's back is not touched. Frame of B. Pure; any thread.
 #include "collision/face.h"
 
-static const double facing = 0.3;   // least cosine of the polygon's normal and the contact's (72 degrees)
+static const double facing = 0.3;  // least cosine of the polygon's normal and the contact's (72 degrees)
 
 // Lowest point of A's side over the polygon, as its height above the polygon; false where none is over it.
 static bool lowest_over(const gv_face *polygon, double offset, const gv_face *of_a, gv_vec3 *out_point,
@@ -19,7 +19,8 @@ static bool lowest_over(const gv_face *polygon, double offset, const gv_face *of
   *out_height = HUGE_VAL;
   for (int i = 0; i < now->count; i++) {
     double height = gv_dot(polygon->normal, now->p[i]) - offset;
-    if (height >= *out_height) continue;
+    if (height >= *out_height)
+      continue;
     *out_height = height;
     *out_point = now->p[i];
   }
@@ -32,10 +33,13 @@ int gv_polygon_depths(const gv_pair *pair, gv_vec3 normal_world, double margin, 
   const gv_hull *hull = pair->b->hull;
   const double radii = pair->a->radius + pair->b->radius;
   const double reach = radii + margin;
-  int count = 0, operations = 0;
-  uint16_t hint = 0, vertex = 0;
+  int count = 0;
+  int operations = 0;
+  uint16_t hint = 0;
+  uint16_t vertex = 0;
   gv_core a, b;
-  if (pair->b->kind != GV_CORE_HULL) return 0;
+  if (pair->b->kind != GV_CORE_HULL)
+    return 0;
   gv_core_place(pair->a, gv_pose_mul(gv_pose_inv(T_world_b), *pair->T_world_a), &a);
   gv_core_in_place(pair->b, &b);
   const gv_vec3 n = gv_rotate_inv(T_world_b.q, normal_world);
@@ -45,11 +49,14 @@ int gv_polygon_depths(const gv_pair *pair, gv_vec3 normal_world, double margin, 
     gv_vec3 point = gv_v3(0, 0, 0);
     gv_face polygon, of_a;
     double height;
-    if (gv_dot(up, n) < facing) continue;
-    if (gv_dot(up, gv_core_support(&a, gv_neg(up), &hint, &operations)) - offset > reach) continue;
+    if (gv_dot(up, n) < facing)
+      continue;
+    if (gv_dot(up, gv_core_support(&a, gv_neg(up), &hint, &operations)) - offset > reach)
+      continue;
     gv_face_of_hull(&b, f, &polygon);
     gv_face_towards(&a, gv_neg(up), &vertex, &of_a, &operations);
-    if (!lowest_over(&polygon, offset, &of_a, &point, &height) || height > reach) continue;
+    if (!lowest_over(&polygon, offset, &of_a, &point, &height) || height > reach)
+      continue;
     gv_polygon_depth *told = &out[count++];
     told->face = (uint16_t)f;
     told->depth = radii - height;

@@ -15,32 +15,41 @@ static double distance_to_line2(gv_vec3 p, gv_vec3 a, gv_vec3 direction) {
 }
 
 bool gv_polytope_pick_tetrahedron(const gv_vec3 *point, int count, double tolerance, uint16_t out_pick[4]) {
-  int a = 0, b = 0, c = 0, d = 0;
+  int a = 0;
+  int b = 0;
+  int c = 0;
+  int d = 0;
   double best = 0;
-  for (int k = 0; k < 4; k++) out_pick[k] = 0;
+  for (int k = 0; k < 4; k++)
+    out_pick[k] = 0;
   for (int i = 1; i < count; i++) {
     double distance2 = gv_norm2(gv_sub(point[i], point[a]));
-    if (!(distance2 > best)) continue;
+    if (!(distance2 > best))
+      continue;
     best = distance2;
     b = i;
   }
   out_pick[1] = (uint16_t)b;
-  if (!(sqrt(best) > tolerance)) return false;
+  if (!(sqrt(best) > tolerance))
+    return false;
   gv_vec3 along = gv_scale(gv_sub(point[b], point[a]), 1.0 / sqrt(best));
   best = 0;
   for (int i = 0; i < count; i++) {
     double distance2 = distance_to_line2(point[i], point[a], along);
-    if (!(distance2 > best)) continue;
+    if (!(distance2 > best))
+      continue;
     best = distance2;
     c = i;
   }
   out_pick[2] = (uint16_t)c;
-  if (!(sqrt(best) > tolerance)) return false;
+  if (!(sqrt(best) > tolerance))
+    return false;
   gv_vec3 n = gv_normalize_or(gv_cross(along, gv_sub(point[c], point[a])), gv_v3(0, 0, 1));
   best = 0;
   for (int i = 0; i < count; i++) {
     double height = fabs(gv_dot(n, gv_sub(point[i], point[a])));
-    if (!(height > best)) continue;
+    if (!(height > best))
+      continue;
     best = height;
     d = i;
   }
@@ -51,9 +60,13 @@ bool gv_polytope_pick_tetrahedron(const gv_vec3 *point, int count, double tolera
 // Plane of the triangle a, b, c; false where it has no area worth a direction (height under 1e-14 of its
 // length).
 static bool find_plane(gv_vec3 a, gv_vec3 b, gv_vec3 c, gv_vec3 *out_normal, double *out_offset) {
-  gv_vec3 ab = gv_sub(b, a), ac = gv_sub(c, a), n = gv_cross(ab, ac);
-  double area = gv_norm(n), length2 = fmax(gv_norm2(ab), gv_norm2(ac));
-  if (!(area > 1e-14 * length2)) return false;
+  gv_vec3 ab = gv_sub(b, a);
+  gv_vec3 ac = gv_sub(c, a);
+  gv_vec3 n = gv_cross(ab, ac);
+  double area = gv_norm(n);
+  double length2 = fmax(gv_norm2(ab), gv_norm2(ac));
+  if (!(area > 1e-14 * length2))
+    return false;
   *out_normal = gv_scale(n, 1.0 / area);
   *out_offset = gv_dot(*out_normal, gv_scale(gv_add(gv_add(a, b), c), 1.0 / 3.0));
   return true;
@@ -76,7 +89,8 @@ bool gv_polytope_start(gv_polytope *P, const uint16_t pick[4]) {
       F->adjacent[k] = adjacent[f][k];
     }
     F->state = ALIVE;
-    if (!find_plane(p[F->vertex[0]], p[F->vertex[1]], p[F->vertex[2]], &F->normal, &F->offset)) return false;
+    if (!find_plane(p[F->vertex[0]], p[F->vertex[1]], p[F->vertex[2]], &F->normal, &F->offset))
+      return false;
   }
   P->face_count = 4;
   P->free_head = -1;
@@ -88,7 +102,8 @@ int gv_polytope_most_visible(const gv_polytope *P, gv_vec3 point) {
   int found = -1;
   for (int f = 0; f < P->face_count; f++) {
     double height = gv_dot(P->face[f].normal, point) - P->face[f].offset;
-    if (P->face[f].state == DEAD || !(height > best)) continue;
+    if (P->face[f].state == DEAD || !(height > best))
+      continue;
     best = height;
     found = f;
   }
@@ -101,7 +116,8 @@ static uint16_t edge_towards(const gv_polytope_face *F, uint16_t from) {
 
 // Walk over the faces that the point sees; their outline goes to P->edge. Returns how many faces.
 static int find_seen(gv_polytope *P, gv_vec3 point, int seed, int *out_edges) {
-  int seen = 0, edges = 0;
+  int seen = 0;
+  int edges = 0;
   P->seen[seen++] = (uint16_t)seed;
   P->face[seed].state = SEEN;
   for (int next = 0; next < seen; next++) {
@@ -117,8 +133,11 @@ static int find_seen(gv_polytope *P, gv_vec3 point, int seed, int *out_edges) {
   for (int next = 0; next < seen; next++) {
     const gv_polytope_face *F = &P->face[P->seen[next]];
     for (int k = 0; k < 3; k++) {
-      uint16_t from = F->vertex[k], to = F->vertex[(k + 1) % 3], outside = F->adjacent[k];
-      if (P->face[outside].state == SEEN) continue;
+      uint16_t from = F->vertex[k];
+      uint16_t to = F->vertex[(k + 1) % 3];
+      uint16_t outside = F->adjacent[k];
+      if (P->face[outside].state == SEEN)
+        continue;
       const uint16_t outside_edge = edge_towards(&P->face[outside], to);
       P->edge[edges++] = (gv_polytope_edge){from, to, outside, outside_edge, {0, 0, 0}, 0};
     }
@@ -134,10 +153,12 @@ static bool is_one_loop(gv_polytope *P, int edges) {
     P->link[P->edge[e].to] = NONE;
   }
   for (int e = 0; e < edges; e++) {
-    if (P->link[P->edge[e].from] != NONE) return false;
+    if (P->link[P->edge[e].from] != NONE)
+      return false;
     P->link[P->edge[e].from] = (uint16_t)e;
   }
-  int e = 0, steps = 0;
+  int e = 0;
+  int steps = 0;
   do {
     e = P->link[P->edge[e].to];
     steps++;
@@ -148,9 +169,12 @@ static bool is_one_loop(gv_polytope *P, int edges) {
 static bool plan_fan(gv_polytope *P, uint16_t point, int edges) {
   for (int e = 0; e < edges; e++) {
     gv_polytope_edge *E = &P->edge[e];
-    const gv_vec3 from = P->point[E->from], to = P->point[E->to];
-    if (!find_plane(from, to, P->point[point], &E->normal, &E->offset)) return false;
-    if (E->offset < P->least_offset) return false;
+    const gv_vec3 from = P->point[E->from];
+    const gv_vec3 to = P->point[E->to];
+    if (!find_plane(from, to, P->point[point], &E->normal, &E->offset))
+      return false;
+    if (E->offset < P->least_offset)
+      return false;
   }
   return true;
 }
@@ -165,7 +189,8 @@ static int count_free(const gv_polytope *P, int wanted) {
 static uint16_t take_slot(gv_polytope *P) {
   assert(P->free_head >= 0 || P->face_count < P->face_max);
   int f = P->free_head;
-  if (f < 0) return (uint16_t)P->face_count++;
+  if (f < 0)
+    return (uint16_t)P->face_count++;
   P->free_head = P->face[f].adjacent[0] == NONE ? -1 : P->face[f].adjacent[0];
   return (uint16_t)f;
 }
@@ -177,7 +202,8 @@ static void give_slot(gv_polytope *P, uint16_t f) {
 }
 
 static void build_fan(gv_polytope *P, uint16_t point, int edges) {
-  for (int e = 0; e < edges; e++) P->seen[e] = take_slot(P);
+  for (int e = 0; e < edges; e++)
+    P->seen[e] = take_slot(P);
   for (int e = 0; e < edges; e++) {
     const gv_polytope_edge *E = &P->edge[e];
     gv_polytope_face *F = &P->face[P->seen[e]];
@@ -197,9 +223,12 @@ bool gv_polytope_add(gv_polytope *P, uint16_t point, int seed) {
   bool fits = edges >= 3 && count_free(P, edges) + seen >= edges;
   bool possible = fits && is_one_loop(P, edges) && plan_fan(P, point, edges);
   for (int i = 0; i < seen; i++) {
-    if (possible) give_slot(P, P->seen[i]);
-    else P->face[P->seen[i]].state = ALIVE;
+    if (possible)
+      give_slot(P, P->seen[i]);
+    else
+      P->face[P->seen[i]].state = ALIVE;
   }
-  if (possible) build_fan(P, point, edges);
+  if (possible)
+    build_fan(P, point, edges);
   return possible;
 }

@@ -11,31 +11,31 @@
 #include "gloved/math.h"
 
 typedef struct gv_polytope_face {
-  gv_vec3 normal;       // unit, outward
-  double offset;        // normal . x on the plane, metres
-  uint16_t vertex[3];   // counter-clockwise from outside
-  uint16_t adjacent[3]; // face across the edge vertex[k], vertex[k + 1]
-  uint8_t state;        // dead, alive or seen from the point being added
+  gv_vec3 normal;        // unit, outward
+  double offset;         // normal . x on the plane, metres
+  uint16_t vertex[3];    // counter-clockwise from outside
+  uint16_t adjacent[3];  // face across the edge vertex[k], vertex[k + 1]
+  uint8_t state;         // dead, alive or seen from the point being added
 } gv_polytope_face;
 
 typedef struct gv_polytope_edge {  // of the horizon, while a point is added
-  uint16_t from, to;    // as the dying face has them
-  uint16_t outside;     // face that stays, across the edge
+  uint16_t from, to;               // as the dying face has them
+  uint16_t outside;                // face that stays, across the edge
   uint16_t outside_edge;
-  gv_vec3 normal;       // of the face that will take the edge
+  gv_vec3 normal;  // of the face that will take the edge
   double offset;
 } gv_polytope_edge;
 
 typedef struct gv_polytope {
-  const gv_vec3 *point;   // [points] the caller's
-  gv_polytope_face *face; // [face_max]
-  gv_polytope_edge *edge; // [face_max] scratch
-  uint16_t *seen;         // [face_max] scratch
-  uint16_t *link;         // [points] scratch
-  int face_max, face_count; // face_count: slots in use, dead ones included
-  int free_head;          // list of dead slots, -1: none
-  double tolerance;       // metres: a point less than this outside a face lies on it
-  double least_offset;    // of a new face: a smaller one is a triangle that rounding has turned over
+  const gv_vec3 *point;      // [points] the caller's
+  gv_polytope_face *face;    // [face_max]
+  gv_polytope_edge *edge;    // [face_max] scratch
+  uint16_t *seen;            // [face_max] scratch
+  uint16_t *link;            // [points] scratch
+  int face_max, face_count;  // face_count: slots in use, dead ones included
+  int free_head;             // list of dead slots, -1: none
+  double tolerance;          // metres: a point less than this outside a face lies on it
+  double least_offset;       // of a new face: a smaller one is a triangle that rounding has turned over
 } gv_polytope;
 
 static inline bool gv_polytope_alive(const gv_polytope *P, int face) { return P->face[face].state != 0; }

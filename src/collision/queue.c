@@ -16,11 +16,14 @@ static int expected_operations(const gv_candidate *pair) {
 }
 
 static bool is_before(const gv_broad *broad, uint16_t i, uint16_t j) {
-  const gv_candidate *p = &broad->pair[i], *q = &broad->pair[j];
+  const gv_candidate *p = &broad->pair[i];
+  const gv_candidate *q = &broad->pair[j];
   bool hand_p = p->body_a < GV_LIMBS;
   bool hand_q = q->body_a < GV_LIMBS;
-  if (hand_p != hand_q) return hand_p;
-  if (p->cache->urgency_m != q->cache->urgency_m) return p->cache->urgency_m > q->cache->urgency_m;
+  if (hand_p != hand_q)
+    return hand_p;
+  if (p->cache->urgency_m != q->cache->urgency_m)
+    return p->cache->urgency_m > q->cache->urgency_m;
   return i < j;
 }
 
@@ -29,8 +32,10 @@ static void sift_down(gv_queue *queue, int at) {
   uint16_t *heap = queue->heap;
   const uint16_t moved = heap[at];
   for (int child = 2 * at + 1; child < queue->count; child = 2 * at + 1) {
-    if (child + 1 < queue->count && is_before(queue->broad, heap[child + 1], heap[child])) child++;
-    if (is_before(queue->broad, moved, heap[child])) break;
+    if (child + 1 < queue->count && is_before(queue->broad, heap[child + 1], heap[child]))
+      child++;
+    if (is_before(queue->broad, moved, heap[child]))
+      break;
     heap[at] = heap[child];
     at = child;
   }
@@ -44,17 +49,23 @@ void gv_queue_start(gv_queue *queue, const gv_broad *broad, int budget) {
   queue->used = 0;
   queue->next = 0;
   queue->count = broad->pair_count;
-  for (int i = 0; i < queue->count; i++) expected += expected_operations(&broad->pair[i]);
+  for (int i = 0; i < queue->count; i++)
+    expected += expected_operations(&broad->pair[i]);
   queue->crowded = expected > budget;
-  if (!queue->crowded) return;
-  for (int i = 0; i < queue->count; i++) queue->heap[i] = (uint16_t)i;
-  for (int i = queue->count / 2 - 1; i >= 0; i--) sift_down(queue, i);
+  if (!queue->crowded)
+    return;
+  for (int i = 0; i < queue->count; i++)
+    queue->heap[i] = (uint16_t)i;
+  for (int i = queue->count / 2 - 1; i >= 0; i--)
+    sift_down(queue, i);
 }
 
 const gv_candidate *gv_queue_next(gv_queue *queue) {
-  if (queue->count == 0 || queue->used >= queue->budget) return NULL;
+  if (queue->count == 0 || queue->used >= queue->budget)
+    return NULL;
   queue->count--;
-  if (!queue->crowded) return &queue->broad->pair[queue->next++];
+  if (!queue->crowded)
+    return &queue->broad->pair[queue->next++];
   const uint16_t first = queue->heap[0];
   queue->heap[0] = queue->heap[queue->count];
   sift_down(queue, 0);

@@ -10,10 +10,10 @@
 
 typedef struct gv_queue {
   const gv_broad *broad;
-  int budget, used;                    // operations
-  int count, next;                     // pairs not asked yet; the next of the list
-  bool crowded;                        // by urgency, from the heap
-  uint16_t heap[GV_MAX_PAIRS];         // numbers of pairs, the most urgent first
+  int budget, used;             // operations
+  int count, next;              // pairs not asked yet; the next of the list
+  bool crowded;                 // by urgency, from the heap
+  uint16_t heap[GV_MAX_PAIRS];  // numbers of pairs, the most urgent first
 } gv_queue;
 
 // An operation is a vertex looked at or the like, about 10 instructions (narrow.h, gv_distance.operations).

@@ -12,7 +12,8 @@ static const double still_m_s = 1e-4;
 void gv_rest_list_moving(gv_rest *rest, const gv_scene *scene) {
   rest->moving_count = 0;
   for (int o = 0; o < scene->object_count; o++)
-    if (!scene->object[o].is_static && !rest->resting[o]) rest->moving[rest->moving_count++] = o;
+    if (!scene->object[o].is_static && !rest->resting[o])
+      rest->moving[rest->moving_count++] = o;
 }
 
 bool gv_rest_wake(gv_rest *rest, int o) {
@@ -24,11 +25,14 @@ bool gv_rest_wake(gv_rest *rest, int o) {
 }
 
 bool gv_rest_is_disturbed(const gv_rest *rest, const gv_broad *broad, bool hand, int o) {
-  if (hand && gv_broad_hand_is_near(broad, o)) return true;
+  if (hand && gv_broad_hand_is_near(broad, o))
+    return true;
   for (int i = 0; i < rest->moving_count; i++) {
     const int other = rest->moving[i];
-    if (rest->still_steps[other] > 0) continue;  // it lies still beside it
-    if (gv_aabb_meet(&broad->object_box[other], &broad->object_box[o])) return true;
+    if (rest->still_steps[other] > 0)
+      continue;  // it lies still beside it
+    if (gv_aabb_meet(&broad->object_box[other], &broad->object_box[o]))
+      return true;
   }
   return false;
 }
@@ -37,7 +41,8 @@ bool gv_rest_lies_still(gv_rest *rest, const gv_broad *broad, bool hand, int o, 
                         int enough) {
   bool still = gv_norm(s->v) + gv_norm(s->w) * broad->object_reach[o] < still_m_s;
   rest->still_steps[o] = still ? rest->still_steps[o] + 1 : 0;
-  if (rest->still_steps[o] < enough || (hand && gv_broad_hand_is_near(broad, o))) return false;
+  if (rest->still_steps[o] < enough || (hand && gv_broad_hand_is_near(broad, o)))
+    return false;
   rest->resting[o] = true;
   return true;
 }

@@ -7,10 +7,10 @@
 #include "collision/broad.h"
 
 typedef struct gv_rest {
-  int still_steps[GV_MAX_OBJECTS];     // how long an object has not moved
+  int still_steps[GV_MAX_OBJECTS];  // how long an object has not moved
   bool resting[GV_MAX_OBJECTS];
   int moving_count;
-  int moving[GV_MAX_OBJECTS];          // objects that are simulated in this step, in their order
+  int moving[GV_MAX_OBJECTS];  // objects that are simulated in this step, in their order
 } gv_rest;
 
 // The objects that move: neither static nor at rest.

@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // gloved, from the command line to the exit code. Set-up reads everything and takes all memory; then two
-// threads run until the end: the real-time loop (loop.c: frames in, engine step, forces out) and this one,
-// the slow one (slow.c: LCM, log, view); then the summary is written. For another scene by command the loop ends,
-// and a new one goes on with the same devices. Start reading here, then loop.c, session.c, and src/engine/engine.c.
+// threads run until the end: the real-time loop (loop.c: frames in, engine step, forces out) and this
+// one, the slow one (slow.c: LCM, log, view); then the summary is written. For another scene by command
+// the loop ends, and a new one goes on with the same devices. Start reading here, then loop.c,
+// session.c, and src/engine/engine.c.
 #include <signal.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -29,18 +30,18 @@ typedef struct program {
   gv_options options;
   gv_settings settings;
   gv_world world;
-  gv_world next;             // the scene that a command asked for, without an engine; no memory: none
+  gv_world next;  // the scene that a command asked for, without an engine; no memory: none
   gv_driver driver;
   gv_pace pace;
   gv_telemetry *telemetry;
   gv_recorder recorder;
-  gv_black_box *black_box;   // null: none
-  gv_about about;            // what this run is made of
-  gv_about recorded;         // what the recording was made of that is replayed
-  const char *scene_text;    // of the recording's scene, where its file is not as it was; else null
-  gv_scene_thread loader;    // of `next`
-  char next_scene[GV_SETTING_TEXT]; // file of `next`
-  FILE *summary_file;        // null: not asked for
+  gv_black_box *black_box;           // null: none
+  gv_about about;                    // what this run is made of
+  gv_about recorded;                 // what the recording was made of that is replayed
+  const char *scene_text;            // of the recording's scene, where its file is not as it was; else null
+  gv_scene_thread loader;            // of `next`
+  char next_scene[GV_SETTING_TEXT];  // file of `next`
+  FILE *summary_file;                // null: not asked for
   gv_session session;
   gv_loop loop;
   gv_view view;
@@ -57,8 +58,9 @@ static void on_signal(int number) {
   alarm(GIVE_UP_S);
 }
 
-// The loop has ended or is about to, and the slow thread may hang in a send that nobody takes: two seconds later
-// the signal itself breaks that off, and nothing more is sent. An alarm from outside before that is a request to end.
+// The loop has ended or is about to, and the slow thread may hang in a send that nobody takes: two
+// seconds later the signal itself breaks that off, and nothing more is sent. An alarm from outside
+// before that is a request to end.
 static void on_alarm(int number) {
   const gv_loop *loop = atomic_load(&watched_loop);
   if (!atomic_load(&stop_requested) && loop && gv_loop_running(loop)) {
@@ -69,13 +71,16 @@ static void on_alarm(int number) {
   alarm(1);
 }
 
-// Every signal that would end the process without bringing the forces down. Left alone: those of a broken program (its
-// device lets go by its watchdog), those that stop a process, and those that do nothing by default.
+// Every signal that would end the process without bringing the forces down. Left alone: those
+// of a broken program (its device lets go by its watchdog), those that stop a process, and
+// those that do nothing by default.
 static bool ends_unasked(int number) {
-  static const int left_alone[] = {SIGKILL, SIGSTOP, SIGSEGV, SIGBUS, SIGFPE, SIGILL, SIGTRAP, SIGABRT, SIGSYS,
-                                   SIGTSTP, SIGTTIN, SIGTTOU, SIGCHLD, SIGCONT, SIGURG, SIGWINCH, SIGPIPE, SIGALRM};
+  static const int left_alone[] = {SIGKILL, SIGSTOP, SIGSEGV, SIGBUS,   SIGFPE,  SIGILL,
+                                   SIGTRAP, SIGABRT, SIGSYS,  SIGTSTP,  SIGTTIN, SIGTTOU,
+                                   SIGCHLD, SIGCONT, SIGURG,  SIGWINCH, SIGPIPE, SIGALRM};
   for (size_t i = 0; i < sizeof left_alone / sizeof left_alone[0]; i++)
-    if (number == left_alone[i]) return false;
+    if (number == left_alone[i])
+      return false;
   return true;
 }
 
@@ -84,7 +89,8 @@ static void catch_signals(void) {
   memset(&action, 0, sizeof action);
   action.sa_handler = on_signal;
   for (int number = 1; number <= SIGRTMAX; number++)
-    if (ends_unasked(number)) sigaction(number, &action, NULL);  // the two that the C library keeps for itself are refused
+    if (ends_unasked(number))
+      sigaction(number, &action, NULL);  // the two that the C library keeps for itself are refused
   action.sa_handler = on_alarm;
   sigaction(SIGALRM, &action, NULL);
   signal(SIGPIPE, SIG_IGN);  // a reader of our output that goes away must not end a running force loop
@@ -92,19 +98,22 @@ static void catch_signals(void) {
 
 // ---- set-up: 0, or negative with one line in p->err ---------------------------------------------------
 
-// Collision detection's share of the period, in operations of this machine; in a replay those of the default, so that it
-// does not depend on the machine.
+// Collision detection's share of the period, in operations of this machine; in a replay those of the
+// default, so that it does not depend on the machine.
 static void set_budget(program *p) {
   gv_settings *settings = &p->settings;
   const bool replay = strncmp(settings->fcu, "trace:", 6) == 0 || strstr(settings->fcu, "speed=0");
   if (!replay && !settings->operations_given)
-    settings->engine.operations_per_s = gv_clamp(gv_machine_operations_per_s(settings->engine.narrow), 1e6, 1e11);
+    settings->engine.operations_per_s = gv_clamp(gv_machine_operations_per_s(settings->engine.narrow), 1e6,
+                                                 1e11);
 }
 
 static int open_world(program *p) {
   set_budget(p);
-  if (gv_world_load(&p->world, p->settings.scene, p->scene_text, &p->settings.engine, p->err, sizeof p->err)) return -1;
-  if (gv_world_start(&p->world, &p->settings.engine) == 0) return 0;
+  if (gv_world_load(&p->world, p->settings.scene, p->scene_text, &p->settings.engine, p->err, sizeof p->err))
+    return -1;
+  if (gv_world_start(&p->world, &p->settings.engine) == 0)
+    return 0;
   snprintf(p->err, sizeof p->err, "%s: the engine does not start; use a smaller scene", p->settings.scene);
   return -1;
 }
@@ -124,30 +133,46 @@ static bool scene_ended(void *user, int64_t now_ns, const char **out_refusal) {
   return gv_scene_thread_ended(&p->loader, now_ns, &p->next, out_refusal);
 }
 
-// Where nobody asked for a certain LCM, a machine without multicast is told so, and the hand works all the same.
+// Where nobody asked for a certain LCM, a machine without multicast is told so, and
+// the hand works all the same.
 static int open_telemetry(program *p) {
   gv_settings defaults;
   gv_settings_default(&defaults);
   const bool required = p->options.lcm || strcmp(p->settings.lcm, defaults.lcm) != 0;
-  const gv_telemetry_config telemetry = {.lcm_url = p->settings.lcm, .lcm_required = required, .log_path = p->options.check ? NULL : p->options.log,
-                                         .scene = &p->world.scene, .hand = &p->settings.engine.hand, .arena = &p->world.arena, .about = &p->about,
-                                         .settings = &p->settings, .begin_scene = begin_scene, .scene_ended = scene_ended, .user = p, .give_up = &give_up};
+  const gv_telemetry_config telemetry = {.lcm_url = p->settings.lcm,
+                                         .lcm_required = required,
+                                         .log_path = p->options.check ? NULL : p->options.log,
+                                         .scene = &p->world.scene,
+                                         .hand = &p->settings.engine.hand,
+                                         .arena = &p->world.arena,
+                                         .about = &p->about,
+                                         .settings = &p->settings,
+                                         .begin_scene = begin_scene,
+                                         .scene_ended = scene_ended,
+                                         .user = p,
+                                         .give_up = &give_up};
   p->telemetry = gv_telemetry_open(&telemetry, p->err, sizeof p->err);
-  if (p->telemetry && p->err[0]) fprintf(stderr, "gloved: going on without LCM: %s\n", p->err);
+  if (p->telemetry && p->err[0])
+    fprintf(stderr, "gloved: going on without LCM: %s\n", p->err);
   return p->telemetry ? 0 : -1;
 }
 
 static int open_summary(program *p) {
-  if (!p->options.summary || p->options.check) return 0;
+  if (!p->options.summary || p->options.check)
+    return 0;
   p->summary_file = fopen(p->options.summary, "w");
-  if (p->summary_file) return 0;
-  snprintf(p->err, sizeof p->err, "%s: cannot be written; choose another place for --summary", p->options.summary);
+  if (p->summary_file)
+    return 0;
+  snprintf(p->err, sizeof p->err, "%s: cannot be written; choose another place for --summary",
+           p->options.summary);
   return -1;
 }
 
 static int open_recorder(program *p) {
-  if (!p->options.record || p->options.check) return 0;
-  if (gv_about_write(&p->about, p->options.record, p->err, sizeof p->err)) return -1;
+  if (!p->options.record || p->options.check)
+    return 0;
+  if (gv_about_write(&p->about, p->options.record, p->err, sizeof p->err))
+    return -1;
   return gv_recorder_open(&p->recorder, p->options.record, p->settings.fcu, p->err, sizeof p->err);
 }
 
@@ -155,19 +180,25 @@ static int open_recorder(program *p) {
 static int open_black_box(program *p) {
   char folder[512];
   const bool replay = p->pace == GV_PACE_FREE || strncmp(p->settings.fcu, "trace:", 6) == 0;
-  if (replay || strcmp(p->settings.black_box, "none") == 0) return 0;
-  if (gv_black_box_folder(p->settings.black_box, folder, p->err, sizeof p->err)) return -1;
-  if (p->options.check) return 0;
+  if (replay || strcmp(p->settings.black_box, "none") == 0)
+    return 0;
+  if (gv_black_box_folder(p->settings.black_box, folder, p->err, sizeof p->err))
+    return -1;
+  if (p->options.check)
+    return 0;
   p->black_box = gv_black_box_open(folder, &p->about);
-  if (p->black_box) return 0;
-  snprintf(p->err, sizeof p->err, "no memory for the black box; close other programs, or leave it out with --black-box none");
+  if (p->black_box)
+    return 0;
+  snprintf(p->err, sizeof p->err,
+           "no memory for the black box; close other programs, or leave it out with --black-box none");
   return -1;
 }
 
 // The limiter never asks for more than the device takes.
 static void fit_limiter(program *p) {
   const gv_channel *channel = gv_fcu_channel(p->settings.fcu);
-  if (!gv_channel_limit(channel, &p->settings.limiter)) return;
+  if (!gv_channel_limit(channel, &p->settings.limiter))
+    return;
   fprintf(stderr, "gloved: limiter set to what a %s takes: %g N, at least %g N, %g N/s\n", channel->device,
           p->settings.limiter.max_n, p->settings.limiter.pretension_n, p->settings.limiter.slew_n_per_s);
 }
@@ -176,14 +207,16 @@ static void fit_limiter(program *p) {
 static int check_outputs(program *p) {
   const bool from_trace = strncmp(p->settings.fcu, "trace:", 6) == 0;
   char trace[GV_SETTING_TEXT] = "";
-  if (from_trace) snprintf(trace, sizeof trace, "%.*s", (int)strcspn(p->settings.fcu + 6, "?"), p->settings.fcu + 6);
+  if (from_trace)
+    snprintf(trace, sizeof trace, "%.*s", (int)strcspn(p->settings.fcu + 6, "?"), p->settings.fcu + 6);
   char about[GV_SETTING_TEXT + 16] = "";
-  if (p->options.record) snprintf(about, sizeof about, "%s.about", p->options.record);
+  if (p->options.record)
+    snprintf(about, sizeof about, "%s.about", p->options.record);
   const gv_named_file file[] = {
-    {"--config", p->options.config, false},   {"--scene", p->settings.scene, false}, {"--fcu trace:", trace, false},
-    {"calibration", p->settings.calibration, false},
-    {"--summary", p->options.summary, true},  {"--record", p->options.record, true}, {"--log", p->options.log, true},
-    {"--record", about, true},
+    {"--config", p->options.config, false},  {"--scene", p->settings.scene, false},
+    {"--fcu trace:", trace, false},          {"calibration", p->settings.calibration, false},
+    {"--summary", p->options.summary, true}, {"--record", p->options.record, true},
+    {"--log", p->options.log, true},         {"--record", about, true},
   };
   return gv_output_check(file, sizeof file / sizeof file[0], p->err, sizeof p->err);
 }
@@ -192,7 +225,8 @@ static int check_outputs(program *p) {
 static void tell_laxer(const program *p) {
   char laxer[GV_LAXER_TEXT];
   gv_settings_laxer(&p->settings.limiter, &p->settings.safety, laxer);
-  if (*laxer) fprintf(stderr, "gloved: protects less than the defaults (in brackets): %s\n", laxer);
+  if (*laxer)
+    fprintf(stderr, "gloved: protects less than the defaults (in brackets): %s\n", laxer);
 }
 
 // A recording is replayed on the scene that it was made on.
@@ -201,8 +235,10 @@ static int choose_scene(program *p) {
   gv_settings defaults;
   gv_settings_default(&defaults);
   const bool chosen = p->options.scene || strcmp(p->settings.scene, defaults.scene) != 0;
-  if (gv_replay_scene(&p->settings, chosen, &p->recorded, &p->scene_text, warning, p->err, sizeof p->err)) return -1;
-  if (warning[0]) fprintf(stderr, "gloved: %s\n", warning);
+  if (gv_replay_scene(&p->settings, chosen, &p->recorded, &p->scene_text, warning, p->err, sizeof p->err))
+    return -1;
+  if (warning[0])
+    fprintf(stderr, "gloved: %s\n", warning);
   return 0;
 }
 
@@ -214,29 +250,40 @@ static void describe(program *p) {
   snprintf(about->tracker, sizeof about->tracker, "%s", settings->tracker);
   snprintf(about->hand, sizeof about->hand, "%s", settings->engine.hand.side == GV_LEFT ? "left" : "right");
   about->rate_hz = settings->rate_hz;
-  if (p->options.config) gv_about_read_file(p->options.config, &about->settings);
+  if (p->options.config)
+    gv_about_read_file(p->options.config, &about->settings);
   gv_about_read_file(settings->scene, &about->scene);
-  if (!p->scene_text) return;
+  if (!p->scene_text)
+    return;
   free(about->scene.text);
   about->scene = p->recorded.scene;
   about->scene.text = strdup(p->scene_text);
 }
 
 static int set_up(program *p) {
-  if (gv_options_settings(&p->options, &p->settings, p->err, sizeof p->err)) return -1;
-  if (check_outputs(p)) return -1;
+  if (gv_options_settings(&p->options, &p->settings, p->err, sizeof p->err))
+    return -1;
+  if (check_outputs(p))
+    return -1;
   fit_limiter(p);
   tell_laxer(p);
-  if (choose_scene(p) || open_world(p)) return -1;
+  if (choose_scene(p) || open_world(p))
+    return -1;
   describe(p);
-  if (gv_device_open(&p->settings, &p->driver, &p->pace, p->err, sizeof p->err)) return -1;
-  if (p->err[0]) fprintf(stderr, "gloved: %s\n", p->err);
+  if (gv_device_open(&p->settings, &p->driver, &p->pace, p->err, sizeof p->err))
+    return -1;
+  if (p->err[0])
+    fprintf(stderr, "gloved: %s\n", p->err);
   if (p->settings.sync_device && !p->driver.descriptor) {
-    snprintf(p->err, sizeof p->err, "--fcu %s: its frames come when they are asked for; --sync device is for a device on a wire", p->settings.fcu);
+    snprintf(p->err, sizeof p->err,
+             "--fcu %s: its frames come when they are asked for; --sync device is for a device on a wire",
+             p->settings.fcu);
     return -1;
   }
-  if (open_black_box(p)) return -1;
-  if (open_telemetry(p) || open_recorder(p)) return -1;
+  if (open_black_box(p))
+    return -1;
+  if (open_telemetry(p) || open_recorder(p))
+    return -1;
   return open_summary(p);
 }
 
@@ -254,8 +301,10 @@ static void start_loop(program *p) {
     .command_s = 1.0 / settings->rate_hz / gv_loop_commands(period_ns),
   };
   const gv_realtime_config none = {.cpu = GV_CPU_ANY};
-  const gv_realtime_config realtime = {.priority = settings->rt_priority, .lock_memory = settings->mlock,
-                                       .stay_awake = settings->cpu_dma_latency, .cpu = settings->cpu};
+  const gv_realtime_config realtime = {.priority = settings->rt_priority,
+                                       .lock_memory = settings->mlock,
+                                       .stay_awake = settings->cpu_dma_latency,
+                                       .cpu = settings->cpu};
   const gv_loop_config loop = {
     .period_ns = period_ns,
     .periods_max = (int64_t)(p->options.duration_s * settings->rate_hz + 0.5),
@@ -280,7 +329,8 @@ static int change_scene(program *p) {
   p->world = p->next;
   gv_about_read_file(p->next_scene, &p->about.scene);
   p->next = (gv_world){0};
-  if (gv_world_start(&p->world, &p->settings.engine)) return -1;
+  if (gv_world_start(&p->world, &p->settings.engine))
+    return -1;
   gv_session_change_engine(&p->session, p->world.engine, steps);
   gv_loop_change_scene(&p->loop, p->world.scene.object_count);
   gv_telemetry_change_scene(p->telemetry);
@@ -290,7 +340,8 @@ static int change_scene(program *p) {
 
 // 0 when it has ended, negative where it does not start.
 static int run_loop(program *p) {
-  if (gv_loop_start(&p->loop) != 0) return -1;
+  if (gv_loop_start(&p->loop) != 0)
+    return -1;
   const gv_listeners to = {p->telemetry, &p->recorder, p->black_box, &p->view, &p->notify};
   gv_slow_run(&p->loop, &to);
   gv_loop_join(&p->loop);
@@ -302,7 +353,8 @@ static int run(program *p) {
   catch_signals();
   gv_notify_open(&p->notify);
   gv_notify_ready(&p->notify);
-  gv_view_open(&p->view, p->settings.fcu, &p->world.scene, p->settings.limiter.max_n, p->pace == GV_PACE_FREE);
+  gv_view_open(&p->view, p->settings.fcu, &p->world.scene, p->settings.limiter.max_n,
+               p->pace == GV_PACE_FREE);
   int failed;
   do {
     failed = run_loop(p);
@@ -311,42 +363,58 @@ static int run(program *p) {
   gv_notify_close(&p->notify);
   gv_view_close(&p->view);
   if (!failed && p->loop.strict_errno) {
-    fprintf(stderr, "gloved: --strict: this kernel takes no list of system calls for a thread (seccomp: %s); start without --strict, "
-            "or with a kernel that has CONFIG_SECCOMP_FILTER\n", strerror(p->loop.strict_errno));
+    fprintf(stderr,
+            "gloved: --strict: this kernel takes no list of system calls for a thread (seccomp: %s); start "
+            "without --strict, "
+            "or with a kernel that has CONFIG_SECCOMP_FILTER\n",
+            strerror(p->loop.strict_errno));
     return BAD_INPUT;
   }
-  if (!failed) return OK;
-  fprintf(stderr, "gloved: the %s does not start; close other programs\n", p->world.engine ? "real-time thread" : "new scene's engine");
+  if (!failed)
+    return OK;
+  fprintf(stderr, "gloved: the %s does not start; close other programs\n",
+          p->world.engine ? "real-time thread" : "new scene's engine");
   return BAD_INPUT;
 }
 
 static int report(program *p) {
   const bool fault = p->loop.state_before_stop == GV_SAFETY_FAULT;
-  const gv_summary summary = {.loop = &p->loop, .scene = &p->world.scene, .arena = &p->world.arena, .title = p->settings.fcu, .about = &p->about,
+  const gv_summary summary = {.loop = &p->loop,
+                              .scene = &p->world.scene,
+                              .arena = &p->world.arena,
+                              .title = p->settings.fcu,
+                              .about = &p->about,
                               .reason = fault ? GV_EXIT_FAULT : (gv_exit)atomic_load(&p->loop.exit),
                               .telemetry_failed = gv_telemetry_failed(p->telemetry),
                               .driver = p->driver.stats(p->driver.self)};
   gv_summary_print(&summary, stdout);
-  if (fault) fprintf(stderr, "gloved: fault: %s; forces were brought to zero\n", gv_fault_text(p->loop.faults_before_stop));
-  if (!p->summary_file) return fault ? FAULT : OK;
+  if (fault)
+    fprintf(stderr, "gloved: fault: %s; forces were brought to zero\n",
+            gv_fault_text(p->loop.faults_before_stop));
+  if (!p->summary_file)
+    return fault ? FAULT : OK;
   const bool written = gv_summary_json(&summary, p->summary_file) == 0;
-  if (fclose(p->summary_file) == 0 && written) return fault ? FAULT : OK;
+  if (fclose(p->summary_file) == 0 && written)
+    return fault ? FAULT : OK;
   fprintf(stderr, "gloved: %s: not written; make room on the disk\n", p->options.summary);
   return fault ? FAULT : BAD_INPUT;
 }
 
 static void say_what_was_found(const program *p) {
   const char *const pace[] = {"live", "in real time", "as fast as possible"};
-  printf("settings   %s; %g Hz, step %g ms\n", p->options.config ? p->options.config : "defaults", p->settings.rate_hz,
-         p->settings.engine.step_s * 1e3);
-  printf("scene      %s; %d objects, %d pieces, %d triangles\n", p->settings.scene, p->world.scene.object_count,
-         p->world.scene.piece_count, p->world.scene.triangle_count);
+  printf("settings   %s; %g Hz, step %g ms\n", p->options.config ? p->options.config : "defaults",
+         p->settings.rate_hz, p->settings.engine.step_s * 1e3);
+  printf("scene      %s; %d objects, %d pieces, %d triangles\n", p->settings.scene,
+         p->world.scene.object_count, p->world.scene.piece_count, p->world.scene.triangle_count);
   printf("fcu        %s; %s", p->settings.fcu, pace[p->pace]);
-  if (strncmp(p->settings.fcu, "trace:", 6) == 0) printf(", %.3f s long", (double)gv_trace_length_ns(&p->driver) * 1e-9);
+  if (strncmp(p->settings.fcu, "trace:", 6) == 0)
+    printf(", %.3f s long", (double)gv_trace_length_ns(&p->driver) * 1e-9);
   putchar('\n');
-  if (*p->settings.tracker) printf("tracker    %s\n", p->settings.tracker);
+  if (*p->settings.tracker)
+    printf("tracker    %s\n", p->settings.tracker);
   printf("lcm        %s\n", p->settings.lcm);
-  printf("contact    solver %s, narrow phase %s\n", gv_solver_name(p->settings.engine.solver), p->settings.engine.narrow == GV_NARROW_LIBCCD ? "libccd" : "core");
+  printf("contact    solver %s, narrow phase %s\n", gv_solver_name(p->settings.engine.solver),
+         p->settings.engine.narrow == GV_NARROW_LIBCCD ? "libccd" : "core");
   printf("memory     %.1f MB for scene and engine\n", (double)p->world.arena.used / 1e6);
   printf("all sound\n");
 }
@@ -354,9 +422,12 @@ static void say_what_was_found(const program *p) {
 // 0, or negative where frames are missing in the recording.
 static int close_recorder(program *p) {
   const uint64_t dropped = gv_ring_dropped(&p->loop.frames);
-  if (!p->recorder.file) return 0;
-  if (gv_recorder_close(&p->recorder) == 0 && dropped == 0) return 0;
-  fprintf(stderr, "gloved: %s: %s; make room on a faster disk\n", p->options.record, dropped ? "frames are missing" : "not written");
+  if (!p->recorder.file)
+    return 0;
+  if (gv_recorder_close(&p->recorder) == 0 && dropped == 0)
+    return 0;
+  fprintf(stderr, "gloved: %s: %s; make room on a faster disk\n", p->options.record,
+          dropped ? "frames are missing" : "not written");
   return -1;
 }
 
@@ -364,15 +435,19 @@ static int close_recorder(program *p) {
 static int close_telemetry(program *p) {
   gv_telemetry *telemetry = p->telemetry;
   p->telemetry = NULL;
-  if (gv_telemetry_close(telemetry) == 0) return 0;
-  fprintf(stderr, "gloved: %s: not written whole; make room on the disk\n", p->options.log ? p->options.log : "the LCM log");
+  if (gv_telemetry_close(telemetry) == 0)
+    return 0;
+  fprintf(stderr, "gloved: %s: not written whole; make room on the disk\n",
+          p->options.log ? p->options.log : "the LCM log");
   return -1;
 }
 
 static void tear_down(program *p) {
   gv_black_box_close(p->black_box);
-  if (p->telemetry) gv_telemetry_close(p->telemetry);
-  if (p->driver.close) p->driver.close(p->driver.self);
+  if (p->telemetry)
+    gv_telemetry_close(p->telemetry);
+  if (p->driver.close)
+    p->driver.close(p->driver.self);
   gv_world_close(&p->next);
   gv_world_close(&p->world);
   gv_about_free(&p->about);
@@ -391,20 +466,24 @@ static int examine(program *p) {
 
 int main(int argc, char **argv) {
   gv_keep_standard_files();
-  static program p;          // 4 MB
+  static program p;  // 4 MB
   int code = BAD_INPUT;
   if (gv_options_parse(argc, argv, &p.options, p.err, sizeof p.err)) {
     fprintf(stderr, "gloved: %s\n", p.err);
     return BAD_INPUT;
   }
-  if (p.options.print_config) return gv_settings_print(stdout) == 0 ? OK : BAD_INPUT;
+  if (p.options.print_config)
+    return gv_settings_print(stdout) == 0 ? OK : BAD_INPUT;
   if (p.options.help || p.options.version) {
-    if (p.options.help) fputs(gv_options_help(), stdout);
-    else printf("gloved %s\n", gv_version_text());
+    if (p.options.help)
+      fputs(gv_options_help(), stdout);
+    else
+      printf("gloved %s\n", gv_version_text());
     return OK;
   }
   gv_about_command_line(argc, argv, p.about.command_line);
-  if (p.options.doctor) return examine(&p);
+  if (p.options.doctor)
+    return examine(&p);
   if (set_up(&p)) {
     fprintf(stderr, "gloved: %s\n", p.err);
   } else if (p.options.check) {
@@ -412,8 +491,10 @@ int main(int argc, char **argv) {
     code = OK;
   } else if ((code = run(&p)) == OK) {
     code = report(&p);
-    if (close_recorder(&p) && code == OK) code = BAD_INPUT;
-    if (close_telemetry(&p) && code == OK) code = BAD_INPUT;
+    if (close_recorder(&p) && code == OK)
+      code = BAD_INPUT;
+    if (close_telemetry(&p) && code == OK)
+      code = BAD_INPUT;
   }
   tear_down(&p);
   return code;

@@ -10,7 +10,9 @@
 #include "daemon/load/config_load.h"
 
 typedef struct gv_options {
-  const char *config, *scene, *fcu, *tracker, *narrow, *solver, *lcm, *log, *record, *summary, *sync, *black_box; // null: not given
+  // null: not given
+  const char *config, *scene, *fcu, *tracker, *narrow, *solver, *lcm, *log, *record, *summary, *sync,
+      *black_box;
   double rate_hz;     // 0: not given
   double duration_s;  // 0: not given, without end
   bool no_rt, strict, doctor, json, check, print_config, help, version;

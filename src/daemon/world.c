@@ -11,17 +11,22 @@
 // again. What the scene at hand does not need is given back.
 static const size_t reserved_size = (size_t)256 << 20;
 
-static int fill(gv_world *world, const char *scene, const char *text, const gv_config *cfg, char *err, size_t err_size) {
+static int fill(gv_world *world, const char *scene, const char *text, const gv_config *cfg, char *err,
+                size_t err_size) {
   if (text ? gv_scene_load_text(scene, text, &world->arena, &world->scene, err, err_size)
-           : gv_scene_load(scene, &world->arena, &world->scene, err, err_size)) return -1;
+           : gv_scene_load(scene, &world->arena, &world->scene, err, err_size))
+    return -1;
   world->block_size = gv_engine_size(cfg, &world->scene);
   world->block = gv_arena_alloc(&world->arena, "engine", world->block_size);
-  if (world->block) return 0;
-  snprintf(err, err_size, "%s: the engine does not start with %zu bytes; use a smaller scene", scene, world->block_size);
+  if (world->block)
+    return 0;
+  snprintf(err, err_size, "%s: the engine does not start with %zu bytes; use a smaller scene", scene,
+           world->block_size);
   return -1;
 }
 
-int gv_world_load(gv_world *world, const char *scene, const char *text, const gv_config *cfg, char *err, size_t err_size) {
+int gv_world_load(gv_world *world, const char *scene, const char *text, const gv_config *cfg, char *err,
+                  size_t err_size) {
   *world = (gv_world){.memory = gv_realtime_reserve(reserved_size), .memory_size = reserved_size};
   if (!world->memory) {
     snprintf(err, err_size, "no memory for scene and engine; close other programs");
@@ -44,6 +49,7 @@ int gv_world_start(gv_world *world, const gv_config *cfg) {
 
 void gv_world_close(gv_world *world) {
   gv_engine_close(world->engine);
-  if (world->memory) gv_realtime_trim(world->memory, world->memory_size, 0);
+  if (world->memory)
+    gv_realtime_trim(world->memory, world->memory_size, 0);
   *world = (gv_world){0};
 }

@@ -14,16 +14,18 @@ typedef struct gv_world {
   size_t memory_size;  // bytes mapped at `memory`
   gv_arena arena;      // in `memory`: the scene, then the engine
   gv_scene scene;
-  void *block;         // the engine's memory
+  void *block;  // the engine's memory
   size_t block_size;
-  gv_engine *engine;   // null: not started
+  gv_engine *engine;  // null: not started
 } gv_world;
 
-// Scene and room for its engine; another engine may be running. 0, or negative with one line in err and no world.
-// Reads files and takes memory: main thread.
+// Scene and room for its engine; another engine may be running. 0, or negative with one line in err and no
+// world. Reads files and takes memory: main thread.
 // text: the scene itself, where its file is not to be read; else null.
-int gv_world_load(gv_world *world, const char *scene, const char *text, const gv_config *cfg, char *err, size_t err_size);
-// The engine, where no other one lives; the world must not move any more (the engine points into it). 0, or negative.
+int gv_world_load(gv_world *world, const char *scene, const char *text, const gv_config *cfg, char *err,
+                  size_t err_size);
+// The engine, where no other one lives; the world must not move any more (the engine
+// points into it). 0, or negative.
 int gv_world_start(gv_world *world, const gv_config *cfg);
 // Ends the engine and gives the memory back. Nothing where there is no world.
 void gv_world_close(gv_world *world);

@@ -1,18 +1,20 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// Sample conditioning: calibration, anatomy, a gate for jumps, and a critically damped filter
-// e'' + 2 w e' + w^2 e = 0 towards the last accepted sample, solved exactly over each step, so that it is
-// stable for every corner. Its corner goes up with the speed of each joint, of the wrist's position and of its orientation
-// (the idea of the 1 Euro Filter: Casiez, Roussel, Vogel 2012; here of second order). The speed that chooses it is the
-// filter's own rate behind a low pass of 3 Hz: one step of the sensor is no movement. Real-time thread.
+// Sample conditioning: calibration, anatomy, a gate for jumps, and a critically damped filter e'' + 2
+// w e' + w^2 e = 0 towards the last accepted sample, solved exactly over each step, so that it is
+// stable for every corner. Its corner goes up with the speed of each joint, of the wrist's position
+// and of its orientation (the idea of the 1 Euro Filter: Casiez, Roussel, Vogel 2012; here of second
+// order). The speed that chooses it is the filter's own rate behind a low pass of 3 Hz: one step of
+// the sensor is no movement. Real-time thread.
 #include "hand/condition.h"
 
 #include <assert.h>
 #include <string.h>
 
-static const double beyond_rad = 0.05;   // readings this far outside the anatomy are worth counting
-// What a speed lifts the corner by: a joint is at 30 Hz from 0.64 rad/s on. Tried on 16 seeds of an 8-bit glove and on a
-// recorded hand (test_real, test_condition): 30 is 3 ms slower on the recording, 60 and 1 ms faster loses more grasps of a
-// user who moves; a rest at 0.5 Hz closes so slowly that tripods are lost, one at 2 Hz doubles the noise of the force.
+static const double beyond_rad = 0.05;  // readings this far outside the anatomy are worth counting
+// What a speed lifts the corner by: a joint is at 30 Hz from 0.64 rad/s on. Tried on 16 seeds of an 8-bit
+// glove and on a recorded hand (test_real, test_condition): 30 is 3 ms slower on the recording, 60 and 1 ms
+// faster loses more grasps of a user who moves; a rest at 0.5 Hz closes so slowly that tripods are lost, one
+// at 2 Hz doubles the noise of the force.
 static const double hz_per_rad_s = 45.0;
 static const double hz_per_m_s = 100.0;
 static const double pace_hz = 3.0;
@@ -22,10 +24,18 @@ static const double gate_least_s = 0.01;
 // exp(-x), x >= 0, from + and * alone: halved until small, Taylor, squared back.
 static double exp_neg(double x) {
   int halvings = 0;
-  while (x > 0.5 && halvings < 40) { x *= 0.5; halvings++; }
-  double term = 1.0, sum = 1.0;
-  for (int i = 1; i < 20; i++) { term *= -x / i; sum += term; }
-  while (halvings-- > 0) sum *= sum;
+  while (x > 0.5 && halvings < 40) {
+    x *= 0.5;
+    halvings++;
+  }
+  double term = 1.0;
+  double sum = 1.0;
+  for (int i = 1; i < 20; i++) {
+    term *= -x / i;
+    sum += term;
+  }
+  while (halvings-- > 0)
+    sum *= sum;
   return sum;
 }
 
@@ -55,7 +65,8 @@ static void make_corners(gv_condition *c, const gv_config *cfg) {
 
 // Without a filter: at the target in one step.
 static void make_no_filter(gv_condition *c, const gv_config *cfg) {
-  for (int i = 0; i < GV_CORNERS; i++) c->corner[i].ve = -1.0 / cfg->step_s;
+  for (int i = 0; i < GV_CORNERS; i++)
+    c->corner[i].ve = -1.0 / cfg->step_s;
 }
 
 void gv_condition_init(gv_condition *c, const gv_config *cfg) {
@@ -65,8 +76,10 @@ void gv_condition_init(gv_condition *c, const gv_config *cfg) {
   c->wrist_target = gv_pose_identity();
   c->wrist_held = gv_pose_identity();
   c->smooth = cfg->filter_hz > 0.0;
-  if (c->smooth) make_corners(c, cfg);
-  else make_no_filter(c, cfg);
+  if (c->smooth)
+    make_corners(c, cfg);
+  else
+    make_no_filter(c, cfg);
 }
 
 // A jump passes only when the next sample says the same. Returns true where the value was held back.
@@ -74,7 +87,8 @@ static bool gate_joint(gv_condition *c, int i, double value, double gate) {
   const bool agrees = !(gate > 0.0) || fabs(value - c->target[i]) <= gate;
   c->holding[i] = !agrees && !(c->holding[i] && fabs(value - c->held[i]) <= gate);
   c->held[i] = value;
-  if (!c->holding[i]) c->target[i] = value;
+  if (!c->holding[i])
+    c->target[i] = value;
   return c->holding[i];
 }
 
@@ -88,31 +102,38 @@ static int refuse(gv_condition *c, gv_sample_refusal why) {
 
 static int take_glove(gv_condition *c, const gv_config *cfg, const gv_sample *sample, uint64_t *limited) {
   for (int i = 0; i < GV_SENSORS; i++)
-    if (!isfinite(sample->raw[i])) return refuse(c, GV_SAMPLE_NOT_FINITE);
+    if (!isfinite(sample->raw[i]))
+      return refuse(c, GV_SAMPLE_NOT_FINITE);
   const double gate = gate_of(cfg->gate_rad_s, c->glove_age_s);
   int refused = 0;
   c->glove_age_s = 0.0;
   for (int i = 0; i < GV_SENSORS; i++) {
     double read = gv_calibration_angle(&cfg->calibration, i, sample->raw[i]);
     double a = gv_clamp(read, cfg->hand.angle_min_rad[i], cfg->hand.angle_max_rad[i]);
-    if (fabs(a - read) > beyond_rad) (*limited)++;
-    if (!c->glove_seen) c->angle[i] = c->target[i] = c->held[i] = a;
-    else if (gate_joint(c, i, a, gate)) refused += refuse(c, GV_SAMPLE_JUMP);
+    if (fabs(a - read) > beyond_rad)
+      (*limited)++;
+    if (!c->glove_seen)
+      c->angle[i] = c->target[i] = c->held[i] = a;
+    else if (gate_joint(c, i, a, gate))
+      refused += refuse(c, GV_SAMPLE_JUMP);
   }
   c->glove_seen = true;
   return refused;
 }
 
 static bool pose_jumps(const gv_pose *T, const gv_pose *from, double gate_m, double gate_rad) {
-  if (gate_m > 0.0 && gv_norm(gv_sub(T->p, from->p)) > gate_m) return true;
+  if (gate_m > 0.0 && gv_norm(gv_sub(T->p, from->p)) > gate_m)
+    return true;
   return gate_rad > 0.0 && gv_norm(gv_quat_log(gv_quat_mul(T->q, gv_quat_conj(from->q)))) > gate_rad;
 }
 
 static int take_pose(gv_condition *c, const gv_config *cfg, const gv_sample *sample) {
   gv_pose T = sample->T_world_receiver;
   double n = T.q.w * T.q.w + T.q.x * T.q.x + T.q.y * T.q.y + T.q.z * T.q.z;
-  if (!gv_pose_finite(T)) return refuse(c, GV_SAMPLE_NOT_FINITE);
-  if (fabs(n - 1.0) > 0.01 || gv_norm(T.p) > 100.0) return refuse(c, GV_SAMPLE_NO_POSE);
+  if (!gv_pose_finite(T))
+    return refuse(c, GV_SAMPLE_NOT_FINITE);
+  if (fabs(n - 1.0) > 0.01 || gv_norm(T.p) > 100.0)
+    return refuse(c, GV_SAMPLE_NO_POSE);
   const double gate_m = gate_of(cfg->gate_m_s, c->pose_age_s);
   const double gate_rad = gate_of(cfg->gate_rad_s, c->pose_age_s);
   c->pose_age_s = 0.0;
@@ -126,15 +147,18 @@ static int take_pose(gv_condition *c, const gv_config *cfg, const gv_sample *sam
   const bool confirmed = c->wrist_holding && !pose_jumps(&T, &c->wrist_held, gate_m, gate_rad);
   c->wrist_holding = pose_jumps(&T, &c->wrist_target, gate_m, gate_rad) && !confirmed;
   c->wrist_held = T;
-  if (!c->wrist_holding) c->wrist_target = T;
+  if (!c->wrist_holding)
+    c->wrist_target = T;
   return c->wrist_holding ? refuse(c, GV_SAMPLE_JUMP) : 0;
 }
 
 int gv_condition_sample(gv_condition *c, const gv_config *cfg, const gv_sample *sample, uint64_t *limited) {
   int refused = 0;
   c->why = 0;
-  if (sample->glove_new) refused += take_glove(c, cfg, sample, limited);
-  if (sample->pose_new) refused += take_pose(c, cfg, sample);
+  if (sample->glove_new)
+    refused += take_glove(c, cfg, sample, limited);
+  if (sample->pose_new)
+    refused += take_pose(c, cfg, sample);
   return refused;
 }
 
@@ -153,7 +177,8 @@ static void step_joint(gv_condition *c, int i) {
 }
 
 // One step of a deviation e and its velocity v.
-static void step_vector(const gv_condition *c, double corner_per_speed, gv_vec3 *pace, gv_vec3 *e, gv_vec3 *v) {
+static void step_vector(const gv_condition *c, double corner_per_speed, gv_vec3 *pace, gv_vec3 *e,
+                        gv_vec3 *v) {
   const gv_vec3 e0 = *e;
   *pace = gv_mad(*pace, c->pace_share, gv_sub(*v, *pace));
   const gv_decay *d = corner_at(c, corner_per_speed * gv_norm(*pace));
@@ -164,21 +189,27 @@ static void step_vector(const gv_condition *c, double corner_per_speed, gv_vec3 
 void gv_condition_step(gv_condition *c, const gv_config *cfg) {
   c->glove_age_s += cfg->step_s;
   c->pose_age_s += cfg->step_s;
-  for (int i = 0; i < GV_SENSORS; i++) step_joint(c, i);
+  for (int i = 0; i < GV_SENSORS; i++)
+    step_joint(c, i);
   gv_vec3 e = gv_sub(c->wrist.p, c->wrist_target.p);
   step_vector(c, c->corner_per_m_s, &c->pace_v, &e, &c->v);
   c->wrist.p = gv_add(c->wrist_target.p, e);
-  gv_vec3 r = gv_quat_log(gv_quat_mul(c->wrist.q, gv_quat_conj(c->wrist_target.q)));  // world, target to filtered
+  // world, target to filtered
+  gv_vec3 r = gv_quat_log(gv_quat_mul(c->wrist.q, gv_quat_conj(c->wrist_target.q)));
   step_vector(c, c->corner_per_rad_s, &c->pace_w, &r, &c->w);
   c->wrist.q = gv_quat_normalize(gv_quat_mul(gv_quat_exp(r), c->wrist_target.q));
 }
 
-void gv_condition_output(const gv_condition *c, const gv_config *cfg, double out_angle_rad[GV_SENSORS], gv_pose *out_wrist) {
-  const double lead = c->smooth ? cfg->prediction_s : 0.0;  // without the filter a rate is a whole sample's step over one period
+void gv_condition_output(const gv_condition *c, const gv_config *cfg, double out_angle_rad[GV_SENSORS],
+                         gv_pose *out_wrist) {
+  // without the filter a rate is a whole sample's step over one period
+  const double lead = c->smooth ? cfg->prediction_s : 0.0;
   for (int i = 0; i < GV_SENSORS; i++)
-    out_angle_rad[i] = gv_clamp(c->angle[i] + lead * c->rate[i], cfg->hand.angle_min_rad[i], cfg->hand.angle_max_rad[i]);
+    out_angle_rad[i] = gv_clamp(c->angle[i] + lead * c->rate[i], cfg->hand.angle_min_rad[i],
+                                cfg->hand.angle_max_rad[i]);
   *out_wrist = c->wrist;
-  if (!(lead > 0.0)) return;
+  if (!(lead > 0.0))
+    return;
   out_wrist->p = gv_mad(c->wrist.p, lead, c->v);
   out_wrist->q = gv_quat_normalize(gv_quat_mul(gv_quat_exp(gv_scale(c->w, lead)), c->wrist.q));
 }

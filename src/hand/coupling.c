@@ -1,15 +1,24 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// Coupling of a limb to its driver frame. Backward Euler of m v' = k x_d - d v_d turns into an explicit step
-// of a body with m' = m + h d + h^2 k under f = k x_d - d v_d - h k v_d (v_d: sim relative to driver): stable
-// at any stiffness and no solver rows. The same holds for rotation with an augmented inertia. Real-time thread.
+// Coupling of a limb to its driver frame. Backward Euler of m v' = k x_d - d v_d turns into an
+// explicit step of a body with m' = m + h d + h^2 k under f = k x_d - d v_d - h k v_d (v_d: sim
+// relative to driver): stable at any stiffness and no solver rows. The same holds for rotation with an
+// augmented inertia. Real-time thread.
 #include "hand/coupling.h"
 
-gv_spring gv_spring_make(const gv_coupling *coupling, double mass_kg, double mean_inertia, double h, gv_rotation_law law) {
-  gv_spring s = {.k_f = coupling->k_f, .d_f = coupling->d_f, .k_t = coupling->k_t, .d_t = coupling->d_t,
-                 .mass_kg = mass_kg, .h = h, .law = law};
+gv_spring gv_spring_make(const gv_coupling *coupling, double mass_kg, double mean_inertia, double h,
+                         gv_rotation_law law) {
+  gv_spring s = {.k_f = coupling->k_f,
+                 .d_f = coupling->d_f,
+                 .k_t = coupling->k_t,
+                 .d_t = coupling->d_t,
+                 .mass_kg = mass_kg,
+                 .h = h,
+                 .law = law};
   s.k_small = law == GV_ROTATION_PAPER ? 2.0 * s.k_t : s.k_t;
-  if (s.d_f < 0.0) s.d_f = 2.0 * sqrt(s.k_f * mass_kg);
-  if (s.d_t < 0.0) s.d_t = 2.0 * sqrt(s.k_small * mean_inertia);
+  if (s.d_f < 0.0)
+    s.d_f = 2.0 * sqrt(s.k_f * mass_kg);
+  if (s.d_t < 0.0)
+    s.d_t = 2.0 * sqrt(s.k_small * mean_inertia);
   s.d_f_implicit = s.d_f + h * s.k_f;
   s.d_t_implicit = s.d_t + h * s.k_small;
   s.added_mass_kg = h * s.d_f + h * h * s.k_f;
@@ -17,9 +26,11 @@ gv_spring gv_spring_make(const gv_coupling *coupling, double mass_kg, double mea
   return s;
 }
 
-// Eqn 3 and 4: t_d = sum over axes of e_sim x e_driver (l_i = e_sim - e_driver, l_i x e_sim = e_sim x e_driver).
+// Eqn 3 and 4: t_d = sum over axes of e_sim x e_driver (l_i = e_sim - e_driver, l_i
+// x e_sim = e_sim x e_driver).
 static gv_vec3 deviation_paper(gv_quat sim, gv_quat driver) {
-  gv_mat3 S = gv_mat3_from_quat(sim), D = gv_mat3_from_quat(driver);
+  gv_mat3 S = gv_mat3_from_quat(sim);
+  gv_mat3 D = gv_mat3_from_quat(driver);
   gv_vec3 t = gv_v3(0, 0, 0);
   for (int i = 0; i < 3; i++)
     t = gv_add(t, gv_cross(gv_v3(S.m[0][i], S.m[1][i], S.m[2][i]), gv_v3(D.m[0][i], D.m[1][i], D.m[2][i])));
@@ -27,23 +38,29 @@ static gv_vec3 deviation_paper(gv_quat sim, gv_quat driver) {
 }
 
 static gv_vec3 deviation(const gv_spring *s, gv_quat sim, gv_quat driver) {
-  if (s->law == GV_ROTATION_PAPER) return deviation_paper(sim, driver);
+  if (s->law == GV_ROTATION_PAPER)
+    return deviation_paper(sim, driver);
   return gv_quat_log(gv_quat_mul(driver, gv_quat_conj(sim)));
 }
 
-void gv_springs_apply(const gv_spring s[GV_LIMBS], const gv_body_state sim[GV_LIMBS], const gv_body_state driver[GV_LIMBS],
-                      gv_vec3 out_f[GV_LIMBS], gv_vec3 out_t[GV_LIMBS]) {
+void gv_springs_apply(const gv_spring s[GV_LIMBS], const gv_body_state sim[GV_LIMBS],
+                      const gv_body_state driver[GV_LIMBS], gv_vec3 out_f[GV_LIMBS],
+                      gv_vec3 out_t[GV_LIMBS]) {
   for (int i = 0; i < GV_LIMBS; i++) {
-    gv_vec3 x_d = gv_sub(driver[i].T.p, sim[i].T.p), t_d = deviation(&s[i], sim[i].T.q, driver[i].T.q);
+    gv_vec3 x_d = gv_sub(driver[i].T.p, sim[i].T.p);
+    gv_vec3 t_d = deviation(&s[i], sim[i].T.q, driver[i].T.q);
     out_f[i] = gv_mad(gv_scale(x_d, s[i].k_f), s[i].d_f_implicit, gv_sub(driver[i].v, sim[i].v));  // Eqn 1
     out_t[i] = gv_mad(gv_scale(t_d, s[i].k_t), s[i].d_t_implicit, gv_sub(driver[i].w, sim[i].w));  // Eqn 2
   }
 }
 
-void gv_springs_feel(const gv_spring s[GV_LIMBS], const gv_body_state sim[GV_LIMBS], const gv_body_state driver[GV_LIMBS],
-                     const gv_pose T_ahead[GV_LIMBS], gv_vec3 out_f[GV_LIMBS], gv_vec3 out_t[GV_LIMBS]) {
+void gv_springs_feel(const gv_spring s[GV_LIMBS], const gv_body_state sim[GV_LIMBS],
+                     const gv_body_state driver[GV_LIMBS], const gv_pose T_ahead[GV_LIMBS],
+                     gv_vec3 out_f[GV_LIMBS], gv_vec3 out_t[GV_LIMBS]) {
   for (int i = 0; i < GV_LIMBS; i++) {
-    gv_vec3 x_d = gv_sub(sim[i].T.p, T_ahead[i].p), t_d = deviation(&s[i], T_ahead[i].q, sim[i].T.q);  // seen the other way
+    // seen the other way
+    gv_vec3 x_d = gv_sub(sim[i].T.p, T_ahead[i].p);
+    gv_vec3 t_d = deviation(&s[i], T_ahead[i].q, sim[i].T.q);
     out_f[i] = gv_mad(gv_scale(x_d, s[i].k_f), s[i].d_f, gv_sub(sim[i].v, driver[i].v));
     out_t[i] = gv_mad(gv_scale(t_d, s[i].k_t), s[i].d_t, gv_sub(sim[i].w, driver[i].w));
   }

@@ -4,11 +4,15 @@
 
 // The exoskeleton lifts the fingertip, square to its pad: the arms are about the distances from the tip to
 // the joints of a half-bent finger, so that a tension of 1 N is felt as about 1 N at the tip.
-static const double arm_m[GV_FINGERS][3] = {
-  {0.075, 0.050, 0.022}, {0.065, 0.038, 0.018}, {0.075, 0.045, 0.019}, {0.070, 0.045, 0.020}, {0.055, 0.035, 0.018}};
+static const double arm_m[GV_FINGERS][3] = {{0.075, 0.050, 0.022},
+                                            {0.065, 0.038, 0.018},
+                                            {0.075, 0.045, 0.019},
+                                            {0.070, 0.045, 0.020},
+                                            {0.055, 0.035, 0.018}};
 
 int gv_tendon_joints(int finger, int out_sensor[3], double out_arm_m[3]) {
-  if (finger < 0 || finger >= GV_FINGERS) return 0;
+  if (finger < 0 || finger >= GV_FINGERS)
+    return 0;
   for (int j = 0; j < 3; j++) {
     out_sensor[j] = gv_flexion[finger][j];
     out_arm_m[j] = arm_m[finger][j];
@@ -17,15 +21,21 @@ int gv_tendon_joints(int finger, int out_sensor[3], double out_arm_m[3]) {
 }
 
 void gv_tendon_map(const gv_joint_axis joint[GV_SENSORS], const gv_pose T_world_limb[GV_LIMBS],
-                   const gv_vec3 f_limb[GV_LIMBS], const gv_vec3 t_limb[GV_LIMBS], double out_tension_n[GV_FINGERS]) {
+                   const gv_vec3 f_limb[GV_LIMBS], const gv_vec3 t_limb[GV_LIMBS],
+                   double out_tension_n[GV_FINGERS]) {
   for (int finger = 0; finger < GV_FINGERS; finger++) {
-    gv_vec3 f = gv_v3(0, 0, 0), t = f, at = f;  // all that acts on the limbs from a joint on, torque about the joint
-    double work = 0.0, arms = 0.0;
+    // all that acts on the limbs from a joint on, torque about the joint
+    gv_vec3 f = gv_v3(0, 0, 0);
+    gv_vec3 t = f;
+    gv_vec3 at = f;
+    double work = 0.0;
+    double arms = 0.0;
     for (int j = 2; j >= 0; j--) {
       const gv_joint_axis *a = &joint[gv_flexion[finger][j]];
       const int limb = 3 * finger + j;
       const double arm = arm_m[finger][j];
-      if (j < 2) t = gv_add(t, gv_cross(gv_sub(at, a->p_world), f));
+      if (j < 2)
+        t = gv_add(t, gv_cross(gv_sub(at, a->p_world), f));
       at = a->p_world;
       f = gv_add(f, f_limb[limb]);
       t = gv_add(gv_add(t, t_limb[limb]), gv_cross(gv_sub(T_world_limb[limb].p, at), f_limb[limb]));

@@ -27,8 +27,8 @@ static bool fresh(double age_s, double interval_s, double max_age_s) {
 }
 
 // Causes that are waited out where no force flows.
-static const uint32_t passing = GV_FAULT_GLOVE_STALE | GV_FAULT_TRACKER_STALE | GV_FAULT_STATUS_STALE | GV_FAULT_SENSOR |
-                                GV_FAULT_OTHER_HAND | GV_FAULT_TRACKER;
+static const uint32_t passing = GV_FAULT_GLOVE_STALE | GV_FAULT_TRACKER_STALE | GV_FAULT_STATUS_STALE |
+                                GV_FAULT_SENSOR | GV_FAULT_OTHER_HAND | GV_FAULT_TRACKER;
 
 // Events leak away over the window: the level is about their count within it.
 static double leak(double level, unsigned events, double dt_s, double window_s) {
@@ -36,19 +36,29 @@ static double leak(double level, unsigned events, double dt_s, double window_s) 
   return kept + events;
 }
 
-// Three quarters of the window's periods: where few fit into it, a limit above their number would never be passed.
-static double most_overruns(const gv_safety_config *c, double dt_s) { return fmax(2.0, 0.75 * c->bad_window_s / dt_s); }
+// Three quarters of the window's periods: where few fit into it, a limit above their
+// number would never be passed.
+static double most_overruns(const gv_safety_config *c, double dt_s) {
+  return fmax(2.0, 0.75 * c->bad_window_s / dt_s);
+}
 
 static uint32_t present_faults(gv_safety *s, const gv_safety_input *in, double dt_s) {
   const gv_safety_config *c = &s->cfg;
   uint32_t f = in->doubts & passing;
-  if (!in->glove_seen || !fresh(in->glove_age_s, in->glove_interval_s, c->max_age_s)) f |= GV_FAULT_GLOVE_STALE;
-  if (!in->tracker_seen || !fresh(in->tracker_age_s, in->tracker_interval_s, c->max_age_s)) f |= GV_FAULT_TRACKER_STALE;
-  if (in->status_seen && !fresh(in->status_age_s, in->status_interval_s, c->status_age_s)) f |= GV_FAULT_STATUS_STALE;
-  if (s->bad_level > c->bad_limit) f |= GV_FAULT_FRAMES;
-  if (!in->finite) f |= GV_FAULT_NOT_FINITE;
-  if (s->overrun_level > fmin(c->overrun_limit, most_overruns(c, dt_s))) f |= GV_FAULT_OVERRUN;
-  if (in->device_fault) f |= GV_FAULT_DEVICE;
+  if (!in->glove_seen || !fresh(in->glove_age_s, in->glove_interval_s, c->max_age_s))
+    f |= GV_FAULT_GLOVE_STALE;
+  if (!in->tracker_seen || !fresh(in->tracker_age_s, in->tracker_interval_s, c->max_age_s))
+    f |= GV_FAULT_TRACKER_STALE;
+  if (in->status_seen && !fresh(in->status_age_s, in->status_interval_s, c->status_age_s))
+    f |= GV_FAULT_STATUS_STALE;
+  if (s->bad_level > c->bad_limit)
+    f |= GV_FAULT_FRAMES;
+  if (!in->finite)
+    f |= GV_FAULT_NOT_FINITE;
+  if (s->overrun_level > fmin(c->overrun_limit, most_overruns(c, dt_s)))
+    f |= GV_FAULT_OVERRUN;
+  if (in->device_fault)
+    f |= GV_FAULT_DEVICE;
   return f;
 }
 
@@ -57,16 +67,21 @@ static gv_safety_state next_state(gv_safety *s, const gv_safety_input *in, uint3
   switch (s->state) {
     case GV_SAFETY_START: return GV_SAFETY_WAIT;
     case GV_SAFETY_WAIT:
-      if (faults & ~passing) return GV_SAFETY_FAULT;
+      if (faults & ~passing)
+        return GV_SAFETY_FAULT;
       return faults ? GV_SAFETY_WAIT : GV_SAFETY_READY;
     case GV_SAFETY_READY:
-      if (faults & ~passing) return GV_SAFETY_FAULT;
-      if (faults) return GV_SAFETY_WAIT;
+      if (faults & ~passing)
+        return GV_SAFETY_FAULT;
+      if (faults)
+        return GV_SAFETY_WAIT;
       return in->dead_man && s->released && near_zero ? GV_SAFETY_ARMED : GV_SAFETY_READY;
     case GV_SAFETY_ARMED:
     case GV_SAFETY_ACTIVE:
-      if (faults) return GV_SAFETY_FAULT;  // a force may be flowing: stale data and doubt are faults here
-      if (!in->dead_man) return GV_SAFETY_READY;
+      if (faults)
+        return GV_SAFETY_FAULT;  // a force may be flowing: stale data and doubt are faults here
+      if (!in->dead_man)
+        return GV_SAFETY_READY;
       return near_zero && s->state == GV_SAFETY_ARMED ? GV_SAFETY_ARMED : GV_SAFETY_ACTIVE;
     case GV_SAFETY_FAULT: return !(faults & ~passing) && s->released ? GV_SAFETY_WAIT : GV_SAFETY_FAULT;
     case GV_SAFETY_STOPPED: break;
@@ -78,10 +93,14 @@ gv_safety_state gv_safety_step(gv_safety *s, const gv_safety_input *in, double d
   s->bad_level = leak(s->bad_level, in->bad_frames, dt_s, s->cfg.bad_window_s);
   s->overrun_level = leak(s->overrun_level, in->overruns, dt_s, s->cfg.bad_window_s);
   uint32_t faults = present_faults(s, in, dt_s);
-  if (!in->dead_man && in->glove_seen) s->released = true;
+  if (!in->dead_man && in->glove_seen)
+    s->released = true;
   gv_safety_state next = in->stop ? GV_SAFETY_STOPPED : next_state(s, in, faults);
   if (next == GV_SAFETY_FAULT) {
-    if (s->state != GV_SAFETY_FAULT) { s->faults = 0; s->released = false; }
+    if (s->state != GV_SAFETY_FAULT) {
+      s->faults = 0;
+      s->released = false;
+    }
     s->faults |= faults;
   } else {
     s->faults = 0;
@@ -96,11 +115,18 @@ const char *gv_safety_name(gv_safety_state state) {
 }
 
 const char *gv_fault_text(uint32_t faults) {
-  static const char *const text[] = {"glove data too old", "tracker data too old", "too many bad or lost frames",
-                                     "a number was not finite", "the step overran repeatedly", "the device reports a fault",
-                                     "the device's status too old", "the glove reports a sensor fault",
-                                     "the glove is for the other hand", "the tracker reports an error"};
+  static const char *const text[] = {"glove data too old",
+                                     "tracker data too old",
+                                     "too many bad or lost frames",
+                                     "a number was not finite",
+                                     "the step overran repeatedly",
+                                     "the device reports a fault",
+                                     "the device's status too old",
+                                     "the glove reports a sensor fault",
+                                     "the glove is for the other hand",
+                                     "the tracker reports an error"};
   for (size_t i = 0; i < sizeof text / sizeof *text; i++)
-    if (faults >> i & 1) return text[i];
+    if (faults >> i & 1)
+      return text[i];
   return "none";
 }

@@ -6,25 +6,35 @@
 
 #include "gloved/fcu.h"
 
-enum { GLOVE_PARTS = 6, POSE_PARTS = 8, STATUS_PARTS = 3, MESSAGES = 3, COMMAND_BYTES = 8, COMMAND_COUNTERS = 16 };
+enum {
+  GLOVE_PARTS = 6,
+  POSE_PARTS = 8,
+  STATUS_PARTS = 3,
+  MESSAGES = 3,
+  COMMAND_BYTES = 8,
+  COMMAND_COUNTERS = 16
+};
 enum { SENSOR_FD = 20, SENSOR_NIBBLES = 3, SENSORS_BY_RULE = 20 };  // from bit 80 on, 12 bits each
 
 // `count` half-bytes from half-byte `fd` of the FD payload to half-byte `at` of classic frame `part`.
-typedef struct field { uint8_t fd, part, at, count; } field;
+typedef struct field {
+  uint8_t fd, part, at, count;
+} field;
 
-// Sensors 0 to 19 lie four to a frame from byte 2 on, and are not listed; 20 and 21 share the last with the stamp.
+// Sensors 0 to 19 lie four to a frame from byte 2 on, and are not listed; 20 and 21
+// share the last with the stamp.
 static const field glove_field[] = {
-  {2, 0, 2, 2}, {16, 1, 2, 2}, {18, 2, 2, 2}, {4, 3, 2, 2}, {6, 4, 2, 2}, // flags, age, checksum
-  {8, 5, 2, 8}, {80, 5, 10, 6},                                          // stamp, sensors 20 and 21
+  {2, 0, 2, 2}, {16, 1, 2, 2},  {18, 2, 2, 2}, {4, 3, 2, 2}, {6, 4, 2, 2},  // flags, age, checksum
+  {8, 5, 2, 8}, {80, 5, 10, 6},                                             // stamp, sensors 20 and 21
 };
 static const field pose_field[] = {
-  {8, 0, 2, 8}, {2, 0, 10, 2}, {20, 0, 12, 2},                           // stamp, flags, receiver
-  {24, 1, 2, 8}, {16, 1, 10, 4}, {32, 2, 2, 8}, {4, 2, 10, 4},           // x, age, y, checksum
-  {40, 3, 2, 8}, {48, 4, 2, 8}, {56, 5, 2, 8}, {64, 6, 2, 8}, {72, 7, 2, 8}, // z, quaternion
+  {8, 0, 2, 8},  {2, 0, 10, 2},  {20, 0, 12, 2},                                // stamp, flags, receiver
+  {24, 1, 2, 8}, {16, 1, 10, 4}, {32, 2, 2, 8},  {4, 2, 10, 4},                 // x, age, y, checksum
+  {40, 3, 2, 8}, {48, 4, 2, 8},  {56, 5, 2, 8},  {64, 6, 2, 8}, {72, 7, 2, 8},  // z, quaternion
 };
 static const field status_field[] = {
-  {2, 0, 2, 2}, {8, 0, 4, 8}, {16, 0, 12, 4},                            // flags, stamp, counter of the command, mode
-  {4, 1, 2, 4}, {20, 1, 6, 9}, {29, 2, 2, 6}, {36, 2, 8, 4},             // checksum, tensions, bad commands
+  {2, 0, 2, 2}, {8, 0, 4, 8},  {16, 0, 12, 4},                 // flags, stamp, counter of the command, mode
+  {4, 1, 2, 4}, {20, 1, 6, 9}, {29, 2, 2, 6},  {36, 2, 8, 4},  // checksum, tensions, bad commands
 };
 
 typedef struct message {
@@ -47,14 +57,17 @@ static void put_nibble(uint8_t *data, int at, unsigned value) {
   data[at / 2] = (uint8_t)((data[at / 2] & ~(15u << (at % 2 * 4))) | value << (at % 2 * 4));
 }
 static void copy_nibbles(uint8_t *to, int to_at, const uint8_t *from, int from_at, int count) {
-  for (int i = 0; i < count; i++) put_nibble(to, to_at + i, get_nibble(from, from_at + i));
+  for (int i = 0; i < count; i++)
+    put_nibble(to, to_at + i, get_nibble(from, from_at + i));
 }
 
 // Field number i of a message; null after the last. `room` is for the sensors, whose places follow a rule.
 static const field *field_of(const message *m, int i, field *room) {
-  if (i < m->fields) return &m->field[i];
+  if (i < m->fields)
+    return &m->field[i];
   const int sensor = i - m->fields;
-  if (m->fd_id != GV_ID_GLOVE || sensor >= SENSORS_BY_RULE) return NULL;
+  if (m->fd_id != GV_ID_GLOVE || sensor >= SENSORS_BY_RULE)
+    return NULL;
   *room = (field){(uint8_t)(SENSOR_FD + SENSOR_NIBBLES * sensor), (uint8_t)(sensor / 4),
                   (uint8_t)(4 + SENSOR_NIBBLES * (sensor % 4)), SENSOR_NIBBLES};
   return room;
@@ -66,13 +79,16 @@ static uint8_t command_checksum(const gv_frame *frame) {
   uint8_t crc = 0xff;
   for (int i = -2; i < COMMAND_BYTES - 1; i++) {
     crc ^= i < 0 ? (uint8_t)(frame->id >> 8 * (i + 2)) : frame->data[i];
-    for (int bit = 0; bit < 8; bit++) crc = (uint8_t)(crc & 0x80 ? crc << 1 ^ 0x2f : crc << 1);
+    for (int bit = 0; bit < 8; bit++)
+      crc = (uint8_t)(crc & 0x80 ? crc << 1 ^ 0x2f : crc << 1);
   }
   return crc ^ 0xff;
 }
 
 // Ten bits at any place.
-static unsigned get_10(const uint8_t *data, int bit) { return (unsigned)(data[bit / 8] | data[bit / 8 + 1] << 8) >> bit % 8 & 1023u; }
+static unsigned get_10(const uint8_t *data, int bit) {
+  return (unsigned)(data[bit / 8] | data[bit / 8 + 1] << 8) >> bit % 8 & 1023u;
+}
 static void put_10(uint8_t *data, int bit, unsigned value) {
   data[bit / 8] |= (uint8_t)(value << bit % 8);
   data[bit / 8 + 1] |= (uint8_t)(value << bit % 8 >> 8);
@@ -80,7 +96,8 @@ static void put_10(uint8_t *data, int bit, unsigned value) {
 
 static int split_command(const gv_frame *fd, gv_frame *out) {
   gv_command_msg msg;
-  if (gv_fcu_unpack_command(fd, &msg) != GV_FCU_OK) return 0;
+  if (gv_fcu_unpack_command(fd, &msg) != GV_FCU_OK)
+    return 0;
   *out = (gv_frame){.stamp_ns = fd->stamp_ns, .id = GV_ID_FORCE_COMMAND_CLASSIC, .len = COMMAND_BYTES};
   out->data[0] = (uint8_t)((msg.counter & 15) | (msg.flags & GV_COMMAND_ENABLE) << 4);
   for (int i = 0; i < GV_FINGERS; i++)
@@ -92,12 +109,17 @@ static int split_command(const gv_frame *fd, gv_frame *out) {
 // The counter modulo 16 is taken to be at most 8 ahead of the last one or 7 behind it.
 static void join_command(gv_classic_join *join, const gv_frame *frame, gv_frame *out) {
   *out = *frame;
-  if (frame->len != COMMAND_BYTES || frame->data[7] != command_checksum(frame) || frame->data[0] & 0x20) return;
+  if (frame->len != COMMAND_BYTES || frame->data[7] != command_checksum(frame) || frame->data[0] & 0x20)
+    return;
   int ahead = (frame->data[0] - join->command_counter) & (COMMAND_COUNTERS - 1);
-  if (ahead > COMMAND_COUNTERS / 2) ahead -= COMMAND_COUNTERS;
-  gv_command_msg msg = {.counter = (uint8_t)(join->command_counter + ahead), .flags = frame->data[0] >> 4 & GV_COMMAND_ENABLE};
-  for (int i = 0; i < GV_FINGERS; i++) msg.tension_n[i] = get_10(frame->data, 6 + 10 * i) * GV_CLASSIC_TENSION_LSB_N;
-  if (ahead > 0) join->command_counter = msg.counter;
+  if (ahead > COMMAND_COUNTERS / 2)
+    ahead -= COMMAND_COUNTERS;
+  gv_command_msg msg = {.counter = (uint8_t)(join->command_counter + ahead),
+                        .flags = frame->data[0] >> 4 & GV_COMMAND_ENABLE};
+  for (int i = 0; i < GV_FINGERS; i++)
+    msg.tension_n[i] = get_10(frame->data, 6 + 10 * i) * GV_CLASSIC_TENSION_LSB_N;
+  if (ahead > 0)
+    join->command_counter = msg.counter;
   gv_fcu_pack_command(&msg, out);
 }
 
@@ -106,15 +128,19 @@ static void join_command(gv_classic_join *join, const gv_frame *frame, gv_frame 
 int gv_classic_split(const gv_frame *fd, gv_frame out[GV_CLASSIC_FRAMES]) {
   field room;
   const field *f;
-  if (!(fd->flags & GV_FRAME_FD) || fd->flags & GV_FRAME_EXTENDED) return 0;
-  if (fd->id == GV_ID_FORCE_COMMAND) return split_command(fd, out);
+  if (!(fd->flags & GV_FRAME_FD) || fd->flags & GV_FRAME_EXTENDED)
+    return 0;
+  if (fd->id == GV_ID_FORCE_COMMAND)
+    return split_command(fd, out);
   for (const message *m = layout; m < layout + MESSAGES; m++) {
-    if (fd->id != m->fd_id || fd->len != m->fd_len) continue;
+    if (fd->id != m->fd_id || fd->len != m->fd_len)
+      continue;
     for (uint8_t i = 0; i < m->parts; i++) {
       out[i] = (gv_frame){.stamp_ns = fd->stamp_ns, .id = m->classic_id + i, .len = m->len[i]};
       out[i].data[0] = fd->data[0];
     }
-    for (int i = 0; (f = field_of(m, i, &room)); i++) copy_nibbles(out[f->part].data, f->at, fd->data, f->fd, f->count);
+    for (int i = 0; (f = field_of(m, i, &room)); i++)
+      copy_nibbles(out[f->part].data, f->at, fd->data, f->fd, f->count);
     return m->parts;
   }
   return 0;
@@ -131,8 +157,10 @@ static gv_classic_begun *begun_for(gv_classic_join *join, int kind, uint8_t coun
   gv_classic_begun *oldest = join->begun[kind];
   for (int i = 0; i < GV_CLASSIC_UNDER_WAY; i++) {
     gv_classic_begun *b = &join->begun[kind][i];
-    if (b->missing && b->frame.data[0] == counter) return b;
-    if (oldest->missing && (!b->missing || b->number < oldest->number)) oldest = b;
+    if (b->missing && b->frame.data[0] == counter)
+      return b;
+    if (oldest->missing && (!b->missing || b->number < oldest->number))
+      oldest = b;
   }
   *oldest = (gv_classic_begun){.missing = (1u << m->parts) - 1u, .number = ++join->number};
   oldest->frame = (gv_frame){.id = m->fd_id, .flags = GV_FRAME_FD | GV_FRAME_BRS, .len = m->fd_len};
@@ -148,7 +176,8 @@ static const gv_frame *join_part(gv_classic_join *join, int kind, const gv_frame
   field room;
   const field *f;
   for (int i = 0; (f = field_of(m, i, &room)); i++)
-    if (f->part == part) copy_nibbles(b->frame.data, f->fd, frame->data, f->at, f->count);
+    if (f->part == part)
+      copy_nibbles(b->frame.data, f->fd, frame->data, f->at, f->count);
   b->missing &= ~(1u << part);
   b->frame.stamp_ns = frame->stamp_ns;
   return b->missing == 0 ? &b->frame : NULL;
@@ -159,20 +188,26 @@ static bool is_special(const gv_frame *frame) {
 }
 
 bool gv_classic_is_part(const gv_frame *frame) {
-  if (is_special(frame)) return false;
+  if (is_special(frame))
+    return false;
   for (int i = 0; i < MESSAGES; i++)
-    if (frame->id - layout[i].classic_id < layout[i].parts) return true;
+    if (frame->id - layout[i].classic_id < layout[i].parts)
+      return true;
   return frame->id == GV_ID_FORCE_COMMAND_CLASSIC;
 }
 
 int gv_classic_take(gv_classic_join *join, const gv_frame *frame, gv_frame *out) {
   *out = *frame;
-  if (is_special(frame)) return 1;
-  if (frame->id == GV_ID_FORCE_COMMAND_CLASSIC) join_command(join, frame, out);
+  if (is_special(frame))
+    return 1;
+  if (frame->id == GV_ID_FORCE_COMMAND_CLASSIC)
+    join_command(join, frame, out);
   for (int i = 0; i < MESSAGES; i++) {
-    if (!is_part_of(&layout[i], frame)) continue;
+    if (!is_part_of(&layout[i], frame))
+      continue;
     const gv_frame *whole = join_part(join, i, frame);
-    if (!whole) return 0;
+    if (!whole)
+      return 0;
     *out = *whole;
   }
   return 1;

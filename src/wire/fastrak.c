@@ -8,7 +8,8 @@
 #include <stdio.h>
 #include <string.h>
 
-enum { VALUES = 7, FIELD = 7, HEADER = 3 };  // numbers of a record, characters of one in ASCII, marks in front
+// numbers of a record, characters of one in ASCII, marks in front
+enum { VALUES = 7, FIELD = 7, HEADER = 3 };
 static const double cm_per_m = 100.0, range_m = 10.0, length_tolerance = 2e-3;
 
 static bool is_letter(uint8_t c) { return (c >= 'A' && c <= 'Z') || (c >= 'a' && c <= 'z'); }
@@ -27,25 +28,36 @@ static void put_float(uint8_t *p, double value) {
   float f = (float)value;
   uint32_t bits;
   memcpy(&bits, &f, sizeof bits);
-  for (int i = 0; i < 4; i++) p[i] = (uint8_t)(bits >> 8 * i);
+  for (int i = 0; i < 4; i++)
+    p[i] = (uint8_t)(bits >> 8 * i);
 }
 
 // Blanks, a sign, digits with one point among or before them, and nothing behind; NAN for anything else.
 static double get_field(const uint8_t *p) {
-  int i = 0, digits = 0;
-  double value = 0.0, scale = 0.0;
-  while (i < FIELD && p[i] == ' ') i++;
+  int i = 0;
+  int digits = 0;
+  double value = 0.0;
+  double scale = 0.0;
+  while (i < FIELD && p[i] == ' ')
+    i++;
   bool negative = i < FIELD && p[i] == '-';
-  if (i < FIELD && (p[i] == '-' || p[i] == '+')) i++;
-  while (i < FIELD && p[i] == ' ') i++;
+  if (i < FIELD && (p[i] == '-' || p[i] == '+'))
+    i++;
+  while (i < FIELD && p[i] == ' ')
+    i++;
   for (; i < FIELD; i++) {
-    if (p[i] == '.' && scale == 0.0) { scale = 1.0; continue; }
-    if (!is_digit(p[i])) return (double)NAN;
+    if (p[i] == '.' && scale == 0.0) {
+      scale = 1.0;
+      continue;
+    }
+    if (!is_digit(p[i]))
+      return (double)NAN;
     value = 10.0 * value + (p[i] - '0');
     scale *= 10.0;
     digits++;
   }
-  if (digits == 0 || scale == 0.0) return (double)NAN;
+  if (digits == 0 || scale == 0.0)
+    return (double)NAN;
   value /= scale;
   return negative ? -value : value;
 }
@@ -54,7 +66,8 @@ static double get_field(const uint8_t *p) {
 
 static void read_values(gv_fastrak_format format, const uint8_t *byte, double out[VALUES]) {
   for (int i = 0; i < VALUES; i++)
-    out[i] = format == GV_FASTRAK_BINARY ? get_float(byte + HEADER + 4 * i) : get_field(byte + HEADER + FIELD * i);
+    out[i] = format == GV_FASTRAK_BINARY ? get_float(byte + HEADER + 4 * i)
+                                         : get_field(byte + HEADER + FIELD * i);
 }
 
 static bool read_pose(gv_fastrak_format format, const uint8_t *byte, gv_pose *out) {
@@ -67,8 +80,10 @@ static bool read_pose(gv_fastrak_format format, const uint8_t *byte, gv_pose *ou
 }
 
 static bool header_may_be(const uint8_t *byte, int count) {
-  if (byte[0] != '0') return false;
-  if (count > 1 && (byte[1] < '1' || byte[1] >= '1' + GV_FASTRAK_STATIONS)) return false;
+  if (byte[0] != '0')
+    return false;
+  if (count > 1 && (byte[1] < '1' || byte[1] >= '1' + GV_FASTRAK_STATIONS))
+    return false;
   return count < HEADER || byte[2] == ' ' || is_letter(byte[2]);
 }
 
@@ -81,33 +96,43 @@ static bool ends_in_header(const uint8_t *byte) {
 
 static int scan_binary(const uint8_t *byte, int count) {
   gv_pose T;
-  if (count < GV_FASTRAK_BINARY_BYTES) return 0;
-  if (byte[GV_FASTRAK_BINARY_BYTES - 1] != ' ' || ends_in_header(byte)) return -1;
+  if (count < GV_FASTRAK_BINARY_BYTES)
+    return 0;
+  if (byte[GV_FASTRAK_BINARY_BYTES - 1] != ' ' || ends_in_header(byte))
+    return -1;
   return byte[2] != ' ' || read_pose(GV_FASTRAK_BINARY, byte, &T) ? GV_FASTRAK_BINARY_BYTES : -1;
 }
 
-// Every character is looked at as it comes: the next record behind one that broke off is at once seen as such.
+// Every character is looked at as it comes: the next record behind one that broke
+// off is at once seen as such.
 static int scan_ascii(const uint8_t *byte, int count) {
   const int end = HEADER + VALUES * FIELD;
   gv_pose T;
   for (int i = HEADER; i < count && i < end; i++)
-    if (!is_digit(byte[i]) && !memchr(" +-.", byte[i], 4)) return -1;
-  if (count > end && byte[end] != '\r') return -1;
-  if (count < GV_FASTRAK_ASCII_BYTES) return 0;
-  if (byte[end + 1] != '\n') return -1;
+    if (!is_digit(byte[i]) && !memchr(" +-.", byte[i], 4))
+      return -1;
+  if (count > end && byte[end] != '\r')
+    return -1;
+  if (count < GV_FASTRAK_ASCII_BYTES)
+    return 0;
+  if (byte[end + 1] != '\n')
+    return -1;
   return byte[2] != ' ' || read_pose(GV_FASTRAK_ASCII, byte, &T) ? GV_FASTRAK_ASCII_BYTES : -1;
 }
 
 int gv_fastrak_scan(const void *format, const uint8_t *byte, int count) {
-  if (!header_may_be(byte, count)) return -1;
-  return *(const gv_fastrak_format *)format == GV_FASTRAK_BINARY ? scan_binary(byte, count) : scan_ascii(byte, count);
+  if (!header_may_be(byte, count))
+    return -1;
+  return *(const gv_fastrak_format *)format == GV_FASTRAK_BINARY ? scan_binary(byte, count)
+                                                                 : scan_ascii(byte, count);
 }
 
 void gv_fastrak_decode(gv_fastrak_format format, const uint8_t *byte, gv_fastrak_record *out) {
   out->station = byte[1] - '0';
   out->error = (char)byte[2];
   const bool sound = read_pose(format, byte, &out->T_tracker_receiver);
-  if (!sound) out->T_tracker_receiver = gv_pose_identity();
+  if (!sound)
+    out->T_tracker_receiver = gv_pose_identity();
   out->usable = sound && !gv_fastrak_error_concerns_pose(out->error);
   out->T_tracker_receiver.q = gv_quat_normalize(out->T_tracker_receiver.q);
 }
@@ -120,7 +145,8 @@ int gv_fastrak_encode(gv_fastrak_format format, const gv_fastrak_record *record,
   out[1] = (uint8_t)('0' + record->station);
   out[2] = (uint8_t)record->error;
   if (format == GV_FASTRAK_BINARY) {
-    for (int i = 0; i < VALUES; i++) put_float(out + HEADER + 4 * i, v[i]);
+    for (int i = 0; i < VALUES; i++)
+      put_float(out + HEADER + 4 * i, v[i]);
     out[GV_FASTRAK_BINARY_BYTES - 1] = ' ';
     return GV_FASTRAK_BINARY_BYTES;
   }
@@ -142,13 +168,18 @@ bool gv_fastrak_error_concerns_pose(char error) {
 const char *gv_fastrak_error_text(char error) {
   switch (error) {
     case ' ': return "none";
-    case 'a': case 'b': case 'c': return "transmitter driver out of limits in self-calibration";
-    case 'd': case 'e': case 'f': return "receiver gain out of limits in self-calibration";
+    case 'a':
+    case 'b':
+    case 'c': return "transmitter driver out of limits in self-calibration";
+    case 'd':
+    case 'e':
+    case 'f': return "receiver gain out of limits in self-calibration";
     case 'g': return "coil out of limits in self-calibration";
     case 'j': return "receiver signal saturated: too near the transmitter";
     case 'k': return "receiver signal too low: too far from the transmitter, or unplugged";
     case 'l': return "receiver signal is zero: unplugged";
-    case 'm': case 'w': return "configuration memory of the tracker";
+    case 'm':
+    case 'w': return "configuration memory of the tracker";
     case 's': return "position found anew";
     case 't': return "compensation map of the tracker";
     case 'v': return "no CRT sync signal";
@@ -164,11 +195,13 @@ const char *gv_fastrak_error_text(char error) {
 enum { FIRST = 2, PER_STATION = 6, FILTERS = 2 };  // units and format; of a station; both filters
 
 // One of a station's commands. Of one that is off only the first says something.
-static int station_command(const gv_fastrak_setup *setup, int station, int number, char out[GV_FASTRAK_COMMAND_MAX]) {
+static int station_command(const gv_fastrak_setup *setup, int station, int number,
+                           char out[GV_FASTRAK_COMMAND_MAX]) {
   const size_t size = GV_FASTRAK_COMMAND_MAX;
   const bool on = station == setup->head || station == setup->hand;
   const int *h = setup->hemisphere;
-  if (number == 0 || !on) return snprintf(out, size, "l%d,%d\r", station, on ? 1 : 0);
+  if (number == 0 || !on)
+    return snprintf(out, size, "l%d,%d\r", station, on ? 1 : 0);
   switch (number) {
     case 1: return snprintf(out, size, "H%d,%d,%d,%d\r", station, h[0], h[1], h[2]);
     case 2: return snprintf(out, size, "O%d,2,11,%d\r", station, setup->format == GV_FASTRAK_BINARY ? 0 : 1);
@@ -180,17 +213,22 @@ static int station_command(const gv_fastrak_setup *setup, int station, int numbe
 
 int gv_fastrak_command(const gv_fastrak_setup *setup, int number, char out[GV_FASTRAK_COMMAND_MAX]) {
   const size_t size = GV_FASTRAK_COMMAND_MAX;
-  const int of_station = number - FIRST, filter = of_station - PER_STATION * GV_FASTRAK_STATIONS;
-  if (number == 0) return snprintf(out, size, "u");
-  if (number == 1) return snprintf(out, size, "%c", setup->format == GV_FASTRAK_BINARY ? 'f' : 'F');
-  if (filter < 0) return station_command(setup, 1 + of_station / PER_STATION, of_station % PER_STATION, out);
+  const int of_station = number - FIRST;
+  const int filter = of_station - PER_STATION * GV_FASTRAK_STATIONS;
+  if (number == 0)
+    return snprintf(out, size, "u");
+  if (number == 1)
+    return snprintf(out, size, "%c", setup->format == GV_FASTRAK_BINARY ? 'f' : 'F');
+  if (filter < 0)
+    return station_command(setup, 1 + of_station / PER_STATION, of_station % PER_STATION, out);
   return filter < FILTERS ? snprintf(out, size, "%c,1\r", filter == 0 ? 'v' : 'x') : 0;
 }
 
 // ---- what it says of itself -----------------------------------------------------------------------
 
 static int hex_digit(uint8_t c) {
-  if (is_digit(c)) return c - '0';
+  if (is_digit(c))
+    return c - '0';
   return c >= 'A' && c <= 'F' ? c - 'A' + 10 : -1;
 }
 
@@ -200,7 +238,8 @@ static bool is_station(uint8_t c) { return c >= '1' && c < '1' + GV_FASTRAK_STAT
 static char error_of(const uint8_t *p) {
   int number = 0;
   for (int i = 0; i < 3; i++)
-    if (is_digit(p[i])) number = 10 * number + p[i] - '0';
+    if (is_digit(p[i]))
+      number = 10 * number + p[i] - '0';
   return is_letter((uint8_t)number) ? (char)number : ' ';
 }
 
@@ -208,8 +247,11 @@ bool gv_fastrak_find_status(const uint8_t *byte, int count, gv_fastrak_status *o
   for (int i = 0; i + 9 <= count; i++) {
     const uint8_t *p = byte + i;
     const int flags = hex_digit(p[5]);
-    if (p[0] != '2' || !is_station(p[1]) || p[2] != 'S' || hex_digit(p[3]) < 0 || hex_digit(p[4]) < 0 || flags < 0) continue;
-    *out = (gv_fastrak_status){.binary = flags & 1, .centimetres = flags & 2, .continuous = flags & 8, .error = error_of(p + 6)};
+    if (p[0] != '2' || !is_station(p[1]) || p[2] != 'S' || hex_digit(p[3]) < 0 || hex_digit(p[4]) < 0 ||
+        flags < 0)
+      continue;
+    *out = (gv_fastrak_status){
+      .binary = flags & 1, .centimetres = flags & 2, .continuous = flags & 8, .error = error_of(p + 6)};
     return true;
   }
   return false;
@@ -219,9 +261,12 @@ bool gv_fastrak_find_stations(const uint8_t *byte, int count, bool out_on[GV_FAS
   for (int i = 0; i + 3 + GV_FASTRAK_STATIONS <= count; i++) {
     const uint8_t *p = byte + i;
     bool states = p[0] == '2' && is_station(p[1]) && p[2] == 'l';
-    for (int s = 0; states && s < GV_FASTRAK_STATIONS; s++) states = p[3 + s] == '0' || p[3 + s] == '1';
-    for (int s = 1; states && s <= GV_FASTRAK_STATIONS; s++) out_on[s] = p[2 + s] == '1';
-    if (states) return true;
+    for (int s = 0; states && s < GV_FASTRAK_STATIONS; s++)
+      states = p[3 + s] == '0' || p[3 + s] == '1';
+    for (int s = 1; states && s <= GV_FASTRAK_STATIONS; s++)
+      out_on[s] = p[2 + s] == '1';
+    if (states)
+      return true;
   }
   return false;
 }
@@ -230,7 +275,8 @@ bool gv_fastrak_find_refusal(const uint8_t *byte, int count) {
   static const char mark[] = "*ERROR*";
   const int n = (int)sizeof mark - 1;
   for (int i = 0; i + n <= count; i++)
-    if (memcmp(byte + i, mark, (size_t)n) == 0) return true;
+    if (memcmp(byte + i, mark, (size_t)n) == 0)
+      return true;
   return false;
 }
 

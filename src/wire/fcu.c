@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// Codec of the force control unit's four frames, as laid out in fcu.h and data/gloved.dbc: structs to
-// bytes and back. Pure, any thread; encoding or decoding one frame takes about 0.3 us, most of it the checksum.
+// Codec of the force control unit's four frames, as laid out in fcu.h and data/gloved.dbc: structs to bytes
+// and back. Pure, any thread; encoding or decoding one frame takes about 0.3 us, most of it the checksum.
 #include "gloved/fcu.h"
 
 #include <string.h>
@@ -46,22 +46,27 @@ static void put_12(uint8_t *data, int bit, uint32_t v) {
     p[1] = (uint8_t)(v >> 4);
   }
 }
-static uint16_t get_12(const uint8_t *data, int bit) { return (get_u16(data + bit / 8) >> bit % 8) & FIELD_MAX; }
+static uint16_t get_12(const uint8_t *data, int bit) {
+  return (get_u16(data + bit / 8) >> bit % 8) & FIELD_MAX;
+}
 
 // Nearest whole number of counts; a not-a-number becomes 0.
 static int32_t to_i32(double counts) {
-  if (!(counts == counts)) return 0;
+  if (!(counts == counts))
+    return 0;
   return (int32_t)gv_clamp(floor(counts + 0.5), -2147483648.0, 2147483647.0);
 }
 static uint32_t to_tension(double tension_n, double rounding) {
-  if (!isfinite(tension_n)) return 0;
+  if (!isfinite(tension_n))
+    return 0;
   return (uint32_t)gv_clamp(floor(tension_n / GV_TENSION_LSB_N + rounding), 0, FIELD_MAX);
 }
 // Ages round up: a sample is never made younger than it is.
 static uint32_t to_age(uint32_t age_us) { return age_us > 655350 ? 65535 : (age_us + 9) / 10; }
 
 static uint16_t frame_checksum(const gv_frame *frame) {
-  const uint8_t head[6] = {(uint8_t)frame->id, (uint8_t)(frame->id >> 8), frame->data[0], frame->data[1], 0, 0};
+  const uint8_t head[6] = {
+    (uint8_t)frame->id, (uint8_t)(frame->id >> 8), frame->data[0], frame->data[1], 0, 0};
   return gv_crc16(gv_crc16(0xffff, head, sizeof head), frame->data + 4, (size_t)(frame->len - 4));
 }
 
@@ -76,14 +81,18 @@ static void start_frame(gv_frame *out, uint32_t id, uint8_t len, uint8_t counter
 static void finish_frame(gv_frame *out) { put_u16(out->data + 2, frame_checksum(out)); }
 
 static gv_fcu_error check_frame(const gv_frame *frame, uint32_t id, uint8_t len) {
-  if (frame->id != id || frame->flags & (GV_FRAME_EXTENDED | GV_FRAME_REMOTE | GV_FRAME_ERROR)) return GV_FCU_WRONG_ID;
-  if (frame->len != len || !(frame->flags & GV_FRAME_FD)) return GV_FCU_WRONG_LENGTH;
-  if (get_u16(frame->data + 2) != frame_checksum(frame)) return GV_FCU_WRONG_CHECKSUM;
+  if (frame->id != id || frame->flags & (GV_FRAME_EXTENDED | GV_FRAME_REMOTE | GV_FRAME_ERROR))
+    return GV_FCU_WRONG_ID;
+  if (frame->len != len || !(frame->flags & GV_FRAME_FD))
+    return GV_FCU_WRONG_LENGTH;
+  if (get_u16(frame->data + 2) != frame_checksum(frame))
+    return GV_FCU_WRONG_CHECKSUM;
   return GV_FCU_OK;
 }
 static bool all_zero(const uint8_t *p, int count) {
   for (int i = 0; i < count; i++)
-    if (p[i]) return false;
+    if (p[i])
+      return false;
   return true;
 }
 
@@ -98,36 +107,47 @@ void gv_fcu_pack_glove(const gv_glove_msg *msg, gv_frame *out) {
 
 gv_fcu_error gv_fcu_unpack_glove(const gv_frame *frame, gv_glove_msg *out) {
   gv_fcu_error error = check_frame(frame, GV_ID_GLOVE, GLOVE_BYTES);
-  if (error) return error;
+  if (error)
+    return error;
   const uint8_t *d = frame->data;
-  if (d[1] & ~7 || !all_zero(d + 43, 5)) return GV_FCU_WRONG_VALUE;
-  *out = (gv_glove_msg){.counter = d[0], .flags = d[1], .stamp_us = get_u32(d + 4), .age_us = 10u * get_u16(d + 8)};
-  for (int i = 0; i < GV_SENSORS; i++) out->raw[i] = get_12(d, GLOVE_BIT + FIELD_BITS * i);
+  if (d[1] & ~7 || !all_zero(d + 43, 5))
+    return GV_FCU_WRONG_VALUE;
+  *out = (gv_glove_msg){
+    .counter = d[0], .flags = d[1], .stamp_us = get_u32(d + 4), .age_us = 10u * get_u16(d + 8)};
+  for (int i = 0; i < GV_SENSORS; i++)
+    out->raw[i] = get_12(d, GLOVE_BIT + FIELD_BITS * i);
   return GV_FCU_OK;
 }
 
 void gv_fcu_pack_pose(const gv_pose_msg *msg, gv_frame *out) {
   const gv_vec3 p = msg->T_world_receiver.p;
   const gv_quat q = msg->T_world_receiver.q;
-  const double counts[7] = {p.x * counts_per_m, p.y * counts_per_m, p.z * counts_per_m,
-                            q.w * quat_one, q.x * quat_one, q.y * quat_one, q.z * quat_one};
+  const double counts[7] = {p.x * counts_per_m, p.y * counts_per_m, p.z * counts_per_m, q.w * quat_one,
+                            q.x * quat_one,     q.y * quat_one,     q.z * quat_one};
   start_frame(out, GV_ID_POSE, POSE_BYTES, msg->counter, msg->flags & 3);
   put_u32(out->data + 4, msg->stamp_us);
   put_u16(out->data + 8, to_age(msg->age_us));
   out->data[10] = msg->receiver;
-  for (int i = 0; i < 7; i++) put_u32(out->data + 12 + 4 * i, (uint32_t)to_i32(counts[i]));
+  for (int i = 0; i < 7; i++)
+    put_u32(out->data + 12 + 4 * i, (uint32_t)to_i32(counts[i]));
   finish_frame(out);
 }
 
 gv_fcu_error gv_fcu_unpack_pose(const gv_frame *frame, gv_pose_msg *out) {
   gv_fcu_error error = check_frame(frame, GV_ID_POSE, POSE_BYTES);
-  if (error) return error;
+  if (error)
+    return error;
   const uint8_t *d = frame->data;
   double v[7];
-  for (int i = 0; i < 7; i++) v[i] = get_i32(d + 12 + 4 * i) / (i < 3 ? counts_per_m : quat_one);
+  for (int i = 0; i < 7; i++)
+    v[i] = get_i32(d + 12 + 4 * i) / (i < 3 ? counts_per_m : quat_one);
   double length = sqrt(v[3] * v[3] + v[4] * v[4] + v[5] * v[5] + v[6] * v[6]);
-  if (d[1] & ~3 || d[10] == 0 || d[11] != 0 || !all_zero(d + 40, 8) || fabs(length - 1) > 1e-3) return GV_FCU_WRONG_VALUE;
-  *out = (gv_pose_msg){.counter = d[0], .flags = d[1], .stamp_us = get_u32(d + 4), .age_us = 10u * get_u16(d + 8),
+  if (d[1] & ~3 || d[10] == 0 || d[11] != 0 || !all_zero(d + 40, 8) || fabs(length - 1) > 1e-3)
+    return GV_FCU_WRONG_VALUE;
+  *out = (gv_pose_msg){.counter = d[0],
+                       .flags = d[1],
+                       .stamp_us = get_u32(d + 4),
+                       .age_us = 10u * get_u16(d + 8),
                        .receiver = d[10]};
   out->T_world_receiver.p = gv_v3(v[0], v[1], v[2]);
   out->T_world_receiver.q = gv_quat_normalize((gv_quat){v[3], v[4], v[5], v[6]});
@@ -147,12 +167,19 @@ void gv_fcu_pack_status(const gv_status_msg *msg, gv_frame *out) {
 
 gv_fcu_error gv_fcu_unpack_status(const gv_frame *frame, gv_status_msg *out) {
   gv_fcu_error error = check_frame(frame, GV_ID_STATUS, STATUS_BYTES);
-  if (error) return error;
+  if (error)
+    return error;
   const uint8_t *d = frame->data;
-  if (d[1] & ~7 || d[17] & 0xf0) return GV_FCU_WRONG_VALUE;
-  *out = (gv_status_msg){.counter = d[0], .flags = d[1], .stamp_us = get_u32(d + 4), .command_counter = d[8],
-                         .mode = d[9], .bad_commands = get_u16(d + 18)};
-  for (int i = 0; i < GV_FINGERS; i++) out->tension_n[i] = get_12(d, STATUS_BIT + FIELD_BITS * i) * GV_TENSION_LSB_N;
+  if (d[1] & ~7 || d[17] & 0xf0)
+    return GV_FCU_WRONG_VALUE;
+  *out = (gv_status_msg){.counter = d[0],
+                         .flags = d[1],
+                         .stamp_us = get_u32(d + 4),
+                         .command_counter = d[8],
+                         .mode = d[9],
+                         .bad_commands = get_u16(d + 18)};
+  for (int i = 0; i < GV_FINGERS; i++)
+    out->tension_n[i] = get_12(d, STATUS_BIT + FIELD_BITS * i) * GV_TENSION_LSB_N;
   return GV_FCU_OK;
 }
 
@@ -169,12 +196,18 @@ void gv_fcu_pack_command(const gv_command_msg *msg, gv_frame *out) {
 
 gv_fcu_error gv_fcu_unpack_command(const gv_frame *frame, gv_command_msg *out) {
   gv_fcu_error error = check_frame(frame, GV_ID_FORCE_COMMAND, COMMAND_BYTES);
-  if (error) return error;
+  if (error)
+    return error;
   const uint8_t *d = frame->data;
-  if (d[1] & ~7 || d[15] & 0xf0) return GV_FCU_WRONG_VALUE;
-  *out = (gv_command_msg){.counter = d[0], .flags = d[1], .sample_stamp_us = get_u32(d + 4),
-                          .age_us = 10u * get_u16(d + 16), .frames_taken = get_u16(d + 18)};
-  for (int i = 0; i < GV_FINGERS; i++) out->tension_n[i] = get_12(d, COMMAND_BIT + FIELD_BITS * i) * GV_TENSION_LSB_N;
+  if (d[1] & ~7 || d[15] & 0xf0)
+    return GV_FCU_WRONG_VALUE;
+  *out = (gv_command_msg){.counter = d[0],
+                          .flags = d[1],
+                          .sample_stamp_us = get_u32(d + 4),
+                          .age_us = 10u * get_u16(d + 16),
+                          .frames_taken = get_u16(d + 18)};
+  for (int i = 0; i < GV_FINGERS; i++)
+    out->tension_n[i] = get_12(d, COMMAND_BIT + FIELD_BITS * i) * GV_TENSION_LSB_N;
   return GV_FCU_OK;
 }
 
@@ -185,9 +218,11 @@ void gv_fcu_pack_effort(const gv_effort_msg *msg, gv_frame *out) {
 
 gv_fcu_error gv_fcu_unpack_effort(const gv_frame *frame, gv_effort_msg *out) {
   gv_fcu_error error = check_frame(frame, GV_ID_EFFORT, EFFORT_BYTES);
-  if (error) return error;
+  if (error)
+    return error;
   const uint8_t *d = frame->data;
-  if (d[1] > 2 || !all_zero(d + 4, 4)) return GV_FCU_WRONG_VALUE;
+  if (d[1] > 2 || !all_zero(d + 4, 4))
+    return GV_FCU_WRONG_VALUE;
   *out = (gv_effort_msg){.counter = d[0], .rung = d[1]};
   return GV_FCU_OK;
 }

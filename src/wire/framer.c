@@ -22,7 +22,8 @@ int framer_push(framer *f, uint8_t byte, framer_scan scan, const void *format) {
   f->byte[f->count++] = byte;
   while (f->count > 0) {
     int length = scan(format, f->byte, f->count);
-    if (length == 0 && f->count < FRAMER_BYTES) return 0;
+    if (length == 0 && f->count < FRAMER_BYTES)
+      return 0;
     if (length > 0) {
       f->records++;
       f->losing = false;

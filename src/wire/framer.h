@@ -8,16 +8,17 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-enum { FRAMER_BYTES = 256 };  // the longest record of any device here is a LucidGlove's line with a key for each joint
+// the longest record of any device here is a LucidGlove's line with a key for each joint
+enum { FRAMER_BYTES = 256 };
 
 typedef struct framer {
-  uint8_t byte[FRAMER_BYTES]; // the window
+  uint8_t byte[FRAMER_BYTES];  // the window
   int count;
-  int taken;                  // bytes of the record given out last: they leave with the next byte
-  bool losing;                // the last byte that left was thrown away
+  int taken;    // bytes of the record given out last: they leave with the next byte
+  bool losing;  // the last byte that left was thrown away
   uint64_t records;
-  uint64_t bad_bytes;         // thrown away
-  uint64_t bad_runs;          // unbroken stretches of them
+  uint64_t bad_bytes;  // thrown away
+  uint64_t bad_runs;   // unbroken stretches of them
 } framer;
 
 // What starts at byte[0]: the length of a whole record, 0 where more bytes may make it one, -1 where not.

@@ -19,7 +19,8 @@ int line_out_bytes(const line_out *out, const char **out_bytes) {
 
 void line_out_wrote(line_out *out, int count) {
   out->written += count;
-  if (out->written < out->next.count) return;
+  if (out->written < out->next.count)
+    return;
   out->next = out->after;
   out->after.count = out->written = 0;
 }

@@ -21,9 +21,12 @@ static void remove_gap(gv_stream *stream, int number) {
 // Counters from `first` on never came so far. Returns the gaps that had to be given up for this one.
 static unsigned open_gap(gv_stream *stream, uint8_t first, uint8_t count, int64_t now_ns) {
   const bool full = stream->gaps == GV_STREAM_GAPS;
-  for (int i = 0; i < count; i++) stream->missing[(uint8_t)(first + i)] = true;
-  if (full) remove_gap(stream, 0);
-  stream->gap[stream->gaps++] = (gv_stream_gap){.first = first, .count = count, .left = count, .opened_ns = now_ns};
+  for (int i = 0; i < count; i++)
+    stream->missing[(uint8_t)(first + i)] = true;
+  if (full)
+    remove_gap(stream, 0);
+  stream->gap[stream->gaps++] = (gv_stream_gap){
+    .first = first, .count = count, .left = count, .opened_ns = now_ns};
   return full ? 1 : 0;
 }
 
@@ -31,8 +34,10 @@ static void fill_gap(gv_stream *stream, uint8_t counter) {
   stream->missing[counter] = false;
   for (int i = 0; i < stream->gaps; i++) {
     gv_stream_gap *gap = &stream->gap[i];
-    if ((uint8_t)(counter - gap->first) >= gap->count) continue;
-    if (--gap->left == 0) remove_gap(stream, i);
+    if ((uint8_t)(counter - gap->first) >= gap->count)
+      continue;
+    if (--gap->left == 0)
+      remove_gap(stream, i);
     return;
   }
 }
@@ -67,7 +72,8 @@ static gv_stream_verdict take_old(gv_stream *stream, uint8_t counter) {
     return (gv_stream_verdict){.lost = -1};
   }
   stream->refused_in_row++;
-  if (stream->refused_in_row < GV_STREAM_RESYNC) return (gv_stream_verdict){.errors = stream->refused_in_row > 1};
+  if (stream->refused_in_row < GV_STREAM_RESYNC)
+    return (gv_stream_verdict){.errors = stream->refused_in_row > 1};
   start_at(stream, counter);
   return (gv_stream_verdict){.is_new = true};
 }
@@ -79,11 +85,13 @@ gv_stream_verdict gv_stream_take(gv_stream *stream, uint8_t counter, int64_t now
     start_at(stream, counter);
     return verdict;
   }
-  if (ahead == 0 || ahead >= HALF) return take_old(stream, counter);
+  if (ahead == 0 || ahead >= HALF)
+    return take_old(stream, counter);
   const uint8_t first = (uint8_t)(stream->counter + 1);
   go_on_to(stream, counter);
   verdict.lost = ahead - 1;
-  if (verdict.lost > 0) verdict.errors = open_gap(stream, first, (uint8_t)verdict.lost, now_ns);
+  if (verdict.lost > 0)
+    verdict.errors = open_gap(stream, first, (uint8_t)verdict.lost, now_ns);
   return verdict;
 }
 
@@ -101,8 +109,10 @@ static void insert(const gv_frame *frame, uint16_t *order, int at) {
   int place = at;
   for (int i = at - 1; i >= 0; i--) {
     const gv_frame *other = &frame[order[i]];
-    if (other->id != one->id) continue;
-    if (!is_before(one, other)) break;
+    if (other->id != one->id)
+      continue;
+    if (!is_before(one, other))
+      break;
     const uint16_t moved = order[i];
     order[i] = order[place];
     order[place] = moved;
@@ -114,6 +124,7 @@ void gv_stream_order(const gv_frame *frame, int count, uint16_t out_order[GV_ORD
   assert(count >= 0 && count <= GV_ORDER_MAX);
   for (int i = 0; i < count; i++) {
     out_order[i] = (uint16_t)i;
-    if (has_counter(&frame[i])) insert(frame, out_order, i);
+    if (has_counter(&frame[i]))
+      insert(frame, out_order, i);
   }
 }

@@ -15,11 +15,11 @@ typedef struct gv_bench_header {
   double h;
   gv_spring spring[GV_LIMBS];
   gv_shape shape[GV_LIMBS];
-  double inertia[GV_LIMBS];      // kg m^2, without what the spring adds
+  double inertia[GV_LIMBS];  // kg m^2, without what the spring adds
 } gv_bench_header;
 
 typedef struct gv_bench_drivers {
-  int64_t placed;                // 0: no hand yet
+  int64_t placed;  // 0: no hand yet
   gv_body_state limb[GV_LIMBS];
 } gv_bench_drivers;
 

@@ -65,7 +65,8 @@ static int run_echo(const char *port) {
     struct sockaddr_in from;
     socklen_t size = sizeof from;
     const ssize_t n = recvfrom(fd, datagram, sizeof datagram, 0, (struct sockaddr *)&from, &size);
-    if (n > 0) sendto(fd, datagram, (size_t)n, 0, (struct sockaddr *)&from, size);
+    if (n > 0)
+      sendto(fd, datagram, (size_t)n, 0, (struct sockaddr *)&from, size);
   }
 }
 
@@ -75,7 +76,7 @@ static struct {
   gv_sim sim;
   gv_sim_script script;
   gv_driver wire;
-  int64_t sent_ns[PENDING]; // by the sample's stamp in ms; 0: answered or never sent
+  int64_t sent_ns[PENDING];  // by the sample's stamp in ms; 0: answered or never sent
   int32_t *answer_ns;
   size_t answers, most;
 } probe;
@@ -90,7 +91,8 @@ static bool answered(const gv_frame *frame, uint32_t *out_stamp_us) {
     *out_stamp_us = command.sample_stamp_us;
     return true;
   }
-  if (frame->id != GV_ID_GLOVE || gv_fcu_unpack_glove(frame, &glove) != 0) return false;
+  if (frame->id != GV_ID_GLOVE || gv_fcu_unpack_glove(frame, &glove) != 0)
+    return false;
   *out_stamp_us = glove.stamp_us;
   return true;
 }
@@ -101,9 +103,11 @@ static void take_answers(void) {
   const int n = probe.wire.poll(probe.wire.self, INT64_MAX, frame, BUNDLE);
   for (int i = 0; i < n; i++) {
     gv_sim_receive(&probe.sim, &frame[i]);
-    if (!answered(&frame[i], &stamp_us)) continue;
+    if (!answered(&frame[i], &stamp_us))
+      continue;
     int64_t *sent_ns = pending(stamp_us);
-    if (*sent_ns == 0 || probe.answers == probe.most) continue;
+    if (*sent_ns == 0 || probe.answers == probe.most)
+      continue;
     probe.answer_ns[probe.answers++] = (int32_t)(frame[i].stamp_ns - *sent_ns);
     *sent_ns = 0;
   }
@@ -113,7 +117,8 @@ static void answers_until(int64_t end_ns) {
   struct pollfd wait = {.fd = probe.wire.descriptor(probe.wire.self), .events = POLLIN};
   for (int64_t rest_ns; (rest_ns = end_ns - clock_ns()) > 0;) {
     const struct timespec rest = {rest_ns / 1000000000, rest_ns % 1000000000};
-    if (ppoll(&wait, 1, &rest, NULL) > 0) take_answers();
+    if (ppoll(&wait, 1, &rest, NULL) > 0)
+      take_answers();
   }
 }
 
@@ -124,14 +129,16 @@ static void send_sample(int64_t device_ns) {
   for (int i = 0; i < n; i++)
     if (frame[i].id == GV_ID_GLOVE && gv_fcu_unpack_glove(&frame[i], &glove) == 0)
       *pending(glove.stamp_us) = clock_ns();
-  if (n > 0) probe.wire.send(probe.wire.self, frame, n);
+  if (n > 0)
+    probe.wire.send(probe.wire.self, frame, n);
 }
 
 static int write_answers(const char *path) {
   FILE *out = fopen(path, "wb");
-  const bool written =
-      out && fwrite(probe.answer_ns, sizeof *probe.answer_ns, probe.answers, out) == probe.answers;
-  if (out && fclose(out) == 0 && written) return 0;
+  const bool written = out &&
+                       fwrite(probe.answer_ns, sizeof *probe.answer_ns, probe.answers, out) == probe.answers;
+  if (out && fclose(out) == 0 && written)
+    return 0;
   fprintf(stderr, "bench_latency: %s: not written; make room\n", path);
   return 2;
 }
@@ -146,7 +153,8 @@ static int run_probe(const char *url, double seconds, const char *path) {
   const int64_t periods = (int64_t)(seconds * 1e9 / PERIOD_NS);
   probe.most = (size_t)periods + PENDING;
   probe.answer_ns = calloc(probe.most, sizeof *probe.answer_ns);
-  if (!probe.answer_ns) return 2;
+  if (!probe.answer_ns)
+    return 2;
   gv_sim_init(&probe.sim, &probe.script, NULL, 0);
   gv_sim_start(&probe.sim);
   run_in_real_time(PROBE_PRIORITY, 0);
@@ -160,8 +168,10 @@ static int run_probe(const char *url, double seconds, const char *path) {
 }
 
 int main(int argc, char **argv) {
-  if (argc == 3 && strcmp(argv[1], "echo") == 0) return run_echo(argv[2]);
-  if (argc == 5 && strcmp(argv[1], "probe") == 0) return run_probe(argv[2], atof(argv[3]), argv[4]);
+  if (argc == 3 && strcmp(argv[1], "echo") == 0)
+    return run_echo(argv[2]);
+  if (argc == 5 && strcmp(argv[1], "probe") == 0)
+    return run_probe(argv[2], atof(argv[3]), argv[4]);
   fprintf(stderr, "usage: bench_latency echo PORT | probe URL SECONDS FILE\n");
   return 2;
 }

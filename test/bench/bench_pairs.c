@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// Benchmark of the narrow phase per pair, beside coal: a limb slides around a body, turning, between 1 mm deep
-// and 3 mm away, half a degree a frame, and both engines see the same poses in alternating blocks. Prints CSV
-// to standard output: the median over the blocks of the time of one pair, and how far the distances differ.
+// Benchmark of the narrow phase per pair, beside coal: a limb slides around a body, turning,
+// between 1 mm deep and 3 mm away, half a degree a frame, and both engines see the same poses in
+// alternating blocks. Prints CSV to standard output: the median over the blocks of the time of one
+// pair, and how far the distances differ.
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -38,7 +39,8 @@ static void make_motion(const gv_shape *a, const gv_shape *b) {
     double t = i * 0.5 * GV_PI / 180;
     gv_vec3 d = gv_normalize_or(gv_v3(cos(t), sin(t), 0.8 * sin(0.37 * t)), gv_v3(1, 0, 0));
     gv_pose T = {gv_quat_exp(gv_v3(sin(0.31 * t), cos(0.23 * t), 0.5 * sin(0.11 * t))), {0, 0, 0}};
-    double high = gv_dot(gv_support(b, &at_origin, d, NULL), d), low = gv_dot(gv_support(a, &T, gv_neg(d), NULL), d);
+    double high = gv_dot(gv_support(b, &at_origin, d, NULL), d);
+    double low = gv_dot(gv_support(a, &T, gv_neg(d), NULL), d);
     T.p = gv_scale(d, high - low);
     for (int k = 0; k < 4; k++) {
       gv_distance_pair(GV_NARROW_CORE, &(gv_pair){a, &T, b, &at_origin}, 1.0, &cache, &now);
@@ -48,10 +50,13 @@ static void make_motion(const gv_shape *a, const gv_shape *b) {
   }
 }
 
-typedef struct figures { double distance_ns[2], contacts_ns[2]; } figures;  // ours, coal
+typedef struct figures {
+  double distance_ns[2], contacts_ns[2];
+} figures;  // ours, coal
 
 static int by_value(const void *a, const void *b) {
-  double x = *(const double *)a, y = *(const double *)b;
+  double x = *(const double *)a;
+  double y = *(const double *)b;
   return (x > y) - (x < y);
 }
 
@@ -66,7 +71,8 @@ static double run_ours(const gv_shape *a, const gv_shape *b, int first, bool con
   gv_distance d;
   int64_t start = now_ns();
   for (int i = first; i < first + BLOCK; i++) {
-    if (contacts) gv_manifold_pair(GV_NARROW_CORE, &(gv_pair){a, &motion[i], b, &at_origin}, margin, cache, point, &d);
+    if (contacts)
+      gv_manifold_pair(GV_NARROW_CORE, &(gv_pair){a, &motion[i], b, &at_origin}, margin, cache, point, &d);
     else {
       gv_distance_pair(GV_NARROW_CORE, &(gv_pair){a, &motion[i], b, &at_origin}, 1.0, cache, &d);
       ours[i] = d.distance;
@@ -80,14 +86,18 @@ static double run_coal(coal_pair *pair, int first, bool contacts) {
   gv_pose identity = gv_pose_identity();
   double origin[7], found = 0;
   plain(&identity, origin);
-  for (int i = 0; i < BLOCK; i++) plain(&motion[first + i], pose[i]);
+  for (int i = 0; i < BLOCK; i++)
+    plain(&motion[first + i], pose[i]);
   int64_t start = now_ns();
   for (int i = 0; i < BLOCK; i++) {
-    if (contacts) found += coal_pair_collide(pair, pose[i], origin, margin);
-    else theirs[first + i] = coal_pair_distance(pair, pose[i], origin);
+    if (contacts)
+      found += coal_pair_collide(pair, pose[i], origin, margin);
+    else
+      theirs[first + i] = coal_pair_distance(pair, pose[i], origin);
   }
   double ns = (double)(now_ns() - start) / BLOCK;
-  if (contacts && found < 1) fprintf(stderr, "bench_pairs: coal found no contact\n");
+  if (contacts && found < 1)
+    fprintf(stderr, "bench_pairs: coal found no contact\n");
   return ns;
 }
 
@@ -104,10 +114,13 @@ static void measure(const char *name, const gv_shape *a, void *coal_a, const gv_
     ns[3][k] = run_coal(pair, k * BLOCK, true);
   }
   double differ = 0;
-  for (int i = 0; i < FRAMES; i++) differ = fmax(differ, fabs(ours[i] - theirs[i]));
+  for (int i = 0; i < FRAMES; i++)
+    differ = fmax(differ, fabs(ours[i] - theirs[i]));
   double m[4];
-  for (int k = 0; k < 4; k++) m[k] = median(ns[k], BLOCKS);
-  printf("%s,%.0f,%.0f,%.2f,%.0f,%.0f,%.2f,%.2g\n", name, m[0], m[1], m[1] / m[0], m[2], m[3], m[3] / m[2], differ * 1e6);
+  for (int k = 0; k < 4; k++)
+    m[k] = median(ns[k], BLOCKS);
+  printf("%s,%.0f,%.0f,%.2f,%.0f,%.0f,%.2f,%.2g\n", name, m[0], m[1], m[1] / m[0], m[2], m[3], m[3] / m[2],
+         differ * 1e6);
   fflush(stdout);
 }
 
@@ -125,9 +138,12 @@ static void *hull_to_coal(const gv_hull *h) {
 
 int main(void) {
   printf("pair,distance_ns,coal_distance_ns,ratio,manifold_ns,coal_contact_ns,ratio_contact,differ_um\n");
-  const double palm_half[3] = {0.03, 0.035, 0.008}, half[3] = {0.03, 0.03, 0.04};
-  gv_shape limb = gv_shape_capsule(0.015, 0.008), palm = gv_shape_rounded_box(gv_v3(0.03, 0.035, 0.008), 0.008);
-  void *coal_limb = coal_capsule(0.015, 0.008), *coal_palm = coal_rounded_box(palm_half, 0.008);
+  const double palm_half[3] = {0.03, 0.035, 0.008};
+  const double half[3] = {0.03, 0.03, 0.04};
+  gv_shape limb = gv_shape_capsule(0.015, 0.008);
+  gv_shape palm = gv_shape_rounded_box(gv_v3(0.03, 0.035, 0.008), 0.008);
+  void *coal_limb = coal_capsule(0.015, 0.008);
+  void *coal_palm = coal_rounded_box(palm_half, 0.008);
   gv_hull hull, other;
   build_box_hull(gv_v3(0.03, 0.03, 0.04), memory[0], MEMORY, &hull);
   gv_shape box = gv_shape_hull(&hull);
@@ -142,7 +158,8 @@ int main(void) {
     void *coal_body = hull_to_coal(&hull);
     snprintf(name, sizeof name, "limb-hull%d", sizes[i]);
     measure(name, &limb, coal_limb, &body, coal_body);
-    if (sizes[i] != 250) continue;
+    if (sizes[i] != 250)
+      continue;
     measure("palm-hull250", &palm, coal_palm, &body, coal_body);
     build_round_hull(64, gv_v3(0.02, 0.02, 0.02), memory[1], MEMORY, &other);
     gv_shape second = gv_shape_hull(&other);

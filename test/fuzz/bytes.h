@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// What the fuzz targets share: the fuzzer's bytes as a file with a path, a refusal looked at, bytes taken one after the other.
+// What the fuzz targets share: the fuzzer's bytes as a file with a path, a refusal looked at,
+// bytes taken one after the other.
 #ifndef FUZZ_BYTES_H
 #define FUZZ_BYTES_H
 
@@ -14,12 +15,12 @@
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
 
-#define REQUIRE(cond)                                                              \
-  do {                                                                             \
-    if (!(cond)) {                                                                 \
-      fprintf(stderr, "%s:%d: not so: %s\n", __FILE__, __LINE__, #cond);           \
-      abort();                                                                     \
-    }                                                                              \
+#define REQUIRE(cond)                                                                                        \
+  do {                                                                                                       \
+    if (!(cond)) {                                                                                           \
+      fprintf(stderr, "%s:%d: not so: %s\n", __FILE__, __LINE__, #cond);                                     \
+      abort();                                                                                               \
+    }                                                                                                        \
   } while (0)
 
 // A regular file in memory; its path is good until it is closed.
@@ -53,7 +54,8 @@ typedef struct fuzz_bytes {
 static inline void fuzz_take(fuzz_bytes *bytes, void *out, size_t count) {
   const size_t there = count < bytes->rest ? count : bytes->rest;
   memset(out, 0, count);
-  if (there) memcpy(out, bytes->next, there);
+  if (there)
+    memcpy(out, bytes->next, there);
   bytes->next += there;
   bytes->rest -= there;
 }

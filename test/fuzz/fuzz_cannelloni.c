@@ -10,7 +10,8 @@
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
 
 static void require(bool good) {
-  if (!good) abort();
+  if (!good)
+    abort();
 }
 
 static void decode_message(const gv_frame *f) {
@@ -19,11 +20,15 @@ static void decode_message(const gv_frame *f) {
   gv_status_msg status;
   gv_command_msg command;
   gv_frame back;
-  if (gv_fcu_unpack_glove(f, &glove) == 0) gv_fcu_pack_glove(&glove, &back);
-  else if (gv_fcu_unpack_status(f, &status) == 0) gv_fcu_pack_status(&status, &back);
-  else if (gv_fcu_unpack_command(f, &command) == 0) gv_fcu_pack_command(&command, &back);
+  if (gv_fcu_unpack_glove(f, &glove) == 0)
+    gv_fcu_pack_glove(&glove, &back);
+  else if (gv_fcu_unpack_status(f, &status) == 0)
+    gv_fcu_pack_status(&status, &back);
+  else if (gv_fcu_unpack_command(f, &command) == 0)
+    gv_fcu_pack_command(&command, &back);
   else {
-    if (gv_fcu_unpack_pose(f, &pose) == 0) require(gv_pose_finite(pose.T_world_receiver));
+    if (gv_fcu_unpack_pose(f, &pose) == 0)
+      require(gv_pose_finite(pose.T_world_receiver));
     return;
   }
   require(memcmp(f->data, back.data, f->len) == 0);
@@ -31,7 +36,8 @@ static void decode_message(const gv_frame *f) {
 
 // A frame with the checksum put right: the fuzzer would hardly find one.
 static void decode_mended(gv_frame f) {
-  if (f.len < 4) return;
+  if (f.len < 4)
+    return;
   const uint8_t head[6] = {(uint8_t)f.id, (uint8_t)(f.id >> 8), f.data[0], f.data[1], 0, 0};
   uint16_t crc = gv_crc16(gv_crc16(0xffff, head, 6), f.data + 4, (size_t)f.len - 4);
   f.data[2] = (uint8_t)crc;
@@ -44,10 +50,13 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
   static uint8_t bytes[GV_CANNELLONI_MAX_BYTES];
   uint8_t seq, seq_again;
   int count = gv_cannelloni_unpack(data, size, &seq, frame, GV_CANNELLONI_MAX_FRAMES);
-  if (count < 0) return 0;
-  for (int i = 0; i < count; i++) decode_message(&frame[i]), decode_mended(frame[i]);
+  if (count < 0)
+    return 0;
+  for (int i = 0; i < count; i++)
+    decode_message(&frame[i]), decode_mended(frame[i]);
   int written = gv_cannelloni_pack(seq, frame, count, bytes, sizeof bytes);
-  if (size > sizeof bytes) return 0;
+  if (size > sizeof bytes)
+    return 0;
   require(written == (int)size);
   require(gv_cannelloni_unpack(bytes, size, &seq_again, again, count) == count && seq == seq_again);
   for (int i = 0; i < count; i++)

@@ -17,7 +17,8 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
     frame.stamp_ns -= frame.stamp_ns % 1000;
     int length = gv_log_format(&frame, "can0", text);
     text[length - 1] = 0;
-    if (gv_log_parse(text, &again, err, sizeof err) || memcmp(&frame, &again, offsetof(gv_frame, data) + sizeof frame.data))
+    if (gv_log_parse(text, &again, err, sizeof err) ||
+        memcmp(&frame, &again, offsetof(gv_frame, data) + sizeof frame.data))
       abort();
   }
   free(line);

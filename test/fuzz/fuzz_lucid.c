@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// Fuzz entry (libFuzzer, `make fuzz`): any bytes as those of a LucidGlove, and as a line of brakes to it. What is
-// accepted must be sound, and a whole line behind the bytes must come out, whatever they were.
+// Fuzz entry (libFuzzer, `make fuzz`): any bytes as those of a LucidGlove, and as a line of brakes to it.
+// What is accepted must be sound, and a whole line behind the bytes must come out, whatever they were.
 #include <stdlib.h>
 #include <string.h>
 
@@ -13,10 +13,12 @@ static const gv_lucid_format format = {4095};
 
 static int push(framer *f, uint8_t byte, gv_lucid_sample *out) {
   const int length = framer_push(f, byte, gv_lucid_scan, &format);
-  if (length <= 0) return 0;
+  if (length <= 0)
+    return 0;
   gv_lucid_decode(&format, f->byte, length, out);
   for (int i = 0; i < GV_FINGERS; i++)
-    if (out->bend[i] < 0 || out->bend[i] > format.max) abort();
+    if (out->bend[i] < 0 || out->bend[i] > format.max)
+      abort();
   return 1;
 }
 
@@ -27,12 +29,16 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
   gv_lucid_sample sample;
   framer f;
   memset(&f, 0, sizeof f);
-  for (size_t i = 0; i < size; i++) push(&f, data[i], &sample);
+  for (size_t i = 0; i < size; i++)
+    push(&f, data[i], &sample);
   const int length = gv_lucid_encode(&format, &whole, line);
-  for (int i = 0; i < length; i++) out += push(&f, line[i], &sample);
-  if (out != 1 || memcmp(sample.bend, whole.bend, sizeof whole.bend) != 0) abort();
+  for (int i = 0; i < length; i++)
+    out += push(&f, line[i], &sample);
+  if (out != 1 || memcmp(sample.bend, whole.bend, sizeof whole.bend) != 0)
+    abort();
   if (gv_lucid_decode_brakes((const char *)data, (int)size, brake))
     for (int i = 0; i < GV_FINGERS; i++)
-      if (brake[i] < 0 || brake[i] > GV_LUCID_BRAKE_MAX) abort();
+      if (brake[i] < 0 || brake[i] > GV_LUCID_BRAKE_MAX)
+        abort();
   return 0;
 }

@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// Fuzz entry (libFuzzer, `make fuzz`): the bytes say which frames come to a session over a table, when, and what is in them; counters
-// and checksums are put right, so that they get past the codec. Whatever comes: forces are finite, within the limiter's
-// maximum, rise no faster than its slew, leave only while the safety machine lets them (or on its ramp down), and are gone
-// soon after the dead-man switch opened. Layout: bytes of operations, each followed by what it needs.
+// Fuzz entry (libFuzzer, `make fuzz`): the bytes say which frames come to a session over a table, when, and
+// what is in them; counters and checksums are put right, so that they get past the codec. Whatever comes:
+// forces are finite, within the limiter's maximum, rise no faster than its slew, leave only while the safety
+// machine lets them (or on its ramp down), and are gone soon after the dead-man switch opened. Layout: bytes
+// of operations, each followed by what it needs.
 #include "bytes.h"
 #include "daemon/loop/session.h"
 #include "support/lab.h"
@@ -29,7 +30,8 @@ static play p;
 // ---- frames -------------------------------------------------------------------------------------------
 
 static void put_checksum(gv_frame *frame) {
-  const uint8_t head[6] = {(uint8_t)frame->id, (uint8_t)(frame->id >> 8), frame->data[0], frame->data[1], 0, 0};
+  const uint8_t head[6] = {
+    (uint8_t)frame->id, (uint8_t)(frame->id >> 8), frame->data[0], frame->data[1], 0, 0};
   const uint16_t crc = gv_crc16(gv_crc16(0xffff, head, 6), frame->data + 4, (size_t)frame->len - 4);
   frame->data[2] = (uint8_t)crc;
   frame->data[3] = (uint8_t)(crc >> 8);
@@ -37,7 +39,8 @@ static void put_checksum(gv_frame *frame) {
 
 static void add_frame(gv_frame frame) {
   frame.stamp_ns = p.now_ns;
-  if (p.frame_count < FRAMES_MAX) p.frame[p.frame_count++] = frame;
+  if (p.frame_count < FRAMES_MAX)
+    p.frame[p.frame_count++] = frame;
 }
 
 // Payload from the bytes, counter the next one, checksum right.
@@ -51,12 +54,20 @@ static void add_sound(uint32_t id, uint8_t len, uint8_t *io_counter) {
 
 // A hand over the table, its index finger bent by the bytes: what forces come from.
 static void add_press(void) {
-  const uint8_t bend = fuzz_byte(&p.bytes), flags = fuzz_byte(&p.bytes), height = fuzz_byte(&p.bytes);
-  gv_glove_msg glove = {.counter = p.glove_counter++, .flags = flags & GV_GLOVE_DEAD_MAN, .stamp_us = (uint32_t)(p.now_ns / 1000)};
+  const uint8_t bend = fuzz_byte(&p.bytes);
+  const uint8_t flags = fuzz_byte(&p.bytes);
+  const uint8_t height = fuzz_byte(&p.bytes);
+  gv_glove_msg glove = {.counter = p.glove_counter++,
+                        .flags = flags & GV_GLOVE_DEAD_MAN,
+                        .stamp_us = (uint32_t)(p.now_ns / 1000)};
   for (int i = 0; i < GV_SENSORS; i++)
-    glove.raw[i] = (uint16_t)gv_calibration_raw(&world.cfg.calibration, i, i == GV_INDEX_MPJ ? bend / 160.0 : 0.0);
-  gv_pose_msg pose = {.counter = p.pose_counter++, .flags = GV_POSE_VALID, .receiver = GV_RECEIVER_HAND,
-                      .stamp_us = (uint32_t)(p.now_ns / 1000), .T_world_receiver = {{1, 0, 0, 0}, {0, 0, 0.06 + height * 1e-5}}};
+    glove.raw[i] = (uint16_t)gv_calibration_raw(&world.cfg.calibration, i,
+                                                i == GV_INDEX_MPJ ? bend / 160.0 : 0.0);
+  gv_pose_msg pose = {.counter = p.pose_counter++,
+                      .flags = GV_POSE_VALID,
+                      .receiver = GV_RECEIVER_HAND,
+                      .stamp_us = (uint32_t)(p.now_ns / 1000),
+                      .T_world_receiver = {{1, 0, 0, 0}, {0, 0, 0.06 + height * 1e-5}}};
   gv_frame frame;
   gv_fcu_pack_glove(&glove, &frame);
   add_frame(frame);
@@ -82,8 +93,10 @@ static bool switch_seen_open(void) {
   for (int i = 0; i < p.frame_count; i++) {
     gv_glove_msg glove;
     gv_status_msg status;
-    if (gv_fcu_unpack_glove(&p.frame[i], &glove) == GV_FCU_OK && !(glove.flags & GV_GLOVE_DEAD_MAN)) return true;
-    if (gv_fcu_unpack_status(&p.frame[i], &status) == GV_FCU_OK && !(status.flags & GV_STATUS_DEAD_MAN)) return true;
+    if (gv_fcu_unpack_glove(&p.frame[i], &glove) == GV_FCU_OK && !(glove.flags & GV_GLOVE_DEAD_MAN))
+      return true;
+    if (gv_fcu_unpack_status(&p.frame[i], &status) == GV_FCU_OK && !(status.flags & GV_STATUS_DEAD_MAN))
+      return true;
   }
   return false;
 }
@@ -93,17 +106,23 @@ static void judge(const gv_frame *command) {
   const double dt_s = (double)(p.now_ns - p.told_ns) * 1e-9;
   const bool lets = gv_safety_lets_force_out(&p.session.safety);
   REQUIRE(gv_fcu_unpack_command(command, &msg) == GV_FCU_OK);
-  if (lets) p.open_ns = -1;
-  else if (p.open_ns < 0) p.open_ns = p.now_ns;
+  if (lets)
+    p.open_ns = -1;
+  else if (p.open_ns < 0)
+    p.open_ns = p.now_ns;
   for (int i = 0; i < GV_FINGERS; i++) {
     // A device that heard nothing for so long has let go.
     const double before_n = dt_s >= GV_DEVICE_WATCHDOG_S ? 0.0 : p.force_n[i];
-    const double force_n = p.session.force_n[i], rise_n = force_n - before_n;
+    const double force_n = p.session.force_n[i];
+    const double rise_n = force_n - before_n;
     REQUIRE(isfinite(force_n) && force_n >= 0.0 && force_n <= p.limiter.max_n);
     REQUIRE(fabs(msg.tension_n[i] - force_n) <= GV_TENSION_LSB_N);
-    REQUIRE(rise_n <= p.limiter.slew_n_per_s * fmin(dt_s, 1.5e-9 * (double)period_ns) + ROUNDING_N || rise_n <= p.limiter.pretension_n);
-    if (!lets) REQUIRE(rise_n <= ROUNDING_N);
-    if (p.open_ns >= 0 && (double)(p.now_ns - p.open_ns) * 1e-9 > p.limiter.ramp_s) REQUIRE(force_n <= 0.0);
+    REQUIRE(rise_n <= p.limiter.slew_n_per_s * fmin(dt_s, 1.5e-9 * (double)period_ns) + ROUNDING_N ||
+            rise_n <= p.limiter.pretension_n);
+    if (!lets)
+      REQUIRE(rise_n <= ROUNDING_N);
+    if (p.open_ns >= 0 && (double)(p.now_ns - p.open_ns) * 1e-9 > p.limiter.ramp_s)
+      REQUIRE(force_n <= 0.0);
     p.force_n[i] = force_n;
   }
   p.told_ns = p.now_ns;
@@ -111,18 +130,21 @@ static void judge(const gv_frame *command) {
 
 static void step(unsigned periods_skipped) {
   gv_frame command;
-  if (++p.steps > STEPS_MAX) return;
+  if (++p.steps > STEPS_MAX)
+    return;
   p.now_ns += period_ns * (1 + (int64_t)periods_skipped);
   const bool open = switch_seen_open();
   gv_session_step(&p.session, p.now_ns, p.frame, p.frame_count, periods_skipped, &command);
-  if (open) REQUIRE(!gv_safety_lets_force_out(&p.session.safety));
+  if (open)
+    REQUIRE(!gv_safety_lets_force_out(&p.session.safety));
   judge(&command);
   p.frame_count = 0;
 }
 
 static void request(void) {
   gv_request asked = {.kind = (gv_request_kind)(fuzz_byte(&p.bytes) % GV_REQUEST_KINDS)};
-  asked.value = GV_REQUEST_COUPLING_MIN + fuzz_byte(&p.bytes) / 255.0 * (GV_REQUEST_COUPLING_MAX - GV_REQUEST_COUPLING_MIN);
+  asked.value = GV_REQUEST_COUPLING_MIN +
+                fuzz_byte(&p.bytes) / 255.0 * (GV_REQUEST_COUPLING_MAX - GV_REQUEST_COUPLING_MIN);
   gv_session_request(&p.session, &asked);
 }
 
@@ -136,13 +158,15 @@ static void operate(uint8_t operation) {
         const fuzz_bytes here = p.bytes;
         add_press();
         step(0);
-        if (i > 0) p.bytes = here;
+        if (i > 0)
+          p.bytes = here;
       }
       break;
     case ANY_FRAME: add_any(); break;
     case STEP: step(0); break;
     case MANY_STEPS:
-      for (int i = fuzz_byte(&p.bytes) % 64; i >= 0; i--) step(0);
+      for (int i = fuzz_byte(&p.bytes) % 64; i >= 0; i--)
+        step(0);
       break;
     case STALL: step(fuzz_byte(&p.bytes)); break;
     case REQUEST: request(); break;
@@ -152,9 +176,12 @@ static void operate(uint8_t operation) {
 }
 
 static void start(const uint8_t *data, size_t size) {
-  const gv_session_config cfg = {.limiter = gv_limiter_config_default(), .safety = gv_safety_config_default(), .side = GV_RIGHT,
+  const gv_session_config cfg = {.limiter = gv_limiter_config_default(),
+                                 .safety = gv_safety_config_default(),
+                                 .side = GV_RIGHT,
                                  .period_s = 1e-9 * (double)period_ns};
-  if (world.engine) gv_engine_close(world.engine);
+  if (world.engine)
+    gv_engine_close(world.engine);
   lab_start(&world);
   lab_box(&world, gv_v3(1, 1, 0.1), gv_v3(0, 0, -0.05), 0, 0.8);
   lab_run(&world);
@@ -167,6 +194,7 @@ static void start(const uint8_t *data, size_t size) {
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
   start(data, size);
-  while (p.bytes.rest > 0 && p.steps < STEPS_MAX) operate(fuzz_byte(&p.bytes));
+  while (p.bytes.rest > 0 && p.steps < STEPS_MAX)
+    operate(fuzz_byte(&p.bytes));
   return 0;
 }

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// Fuzz entry (libFuzzer, `make fuzz`): any bytes as a recording. By the first byte they are the file as it is (plain or gzip), or
-// text that is packed here first, whole or cut. What is accepted must play to its end, in order.
+// Fuzz entry (libFuzzer, `make fuzz`): any bytes as a recording. By the first byte they are the
+// file as it is (plain or gzip), or text that is packed here first, whole or cut. What is
+// accepted must play to its end, in order.
 #include <zlib.h>
 
 #include "bytes.h"
@@ -46,14 +47,16 @@ static void play(gv_driver *trace) {
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
   static uint8_t packed[PACKED_MAX];
-  if (size < 2) return 0;
+  if (size < 2)
+    return 0;
   const int kind = data[0] % KINDS;
   const unsigned cut = data[1];
   data += 2;
   size -= 2;
   if (kind != AS_IT_IS) {
     size = pack(data, size, packed);
-    if (kind == PACKED_AND_CUT) size = size * cut / 256;
+    if (kind == PACKED_AND_CUT)
+      size = size * cut / 256;
     data = packed;
   }
   gv_driver trace;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// Fuzz entry (libFuzzer, `make fuzz`): any text as the script of a simulated user. What is accepted must be finite at every time,
-// and the device that plays it must send sound frames.
+// Fuzz entry (libFuzzer, `make fuzz`): any text as the script of a simulated user. What is accepted must be
+// finite at every time, and the device that plays it must send sound frames.
 #include "bytes.h"
 #include "gloved/fcu.h"
 #include "gloved/sim.h"
@@ -18,8 +18,10 @@ static void play(const gv_sim_script *script) {
       for (int i = 0; i < count; i++) {
         gv_pose_msg pose;
         gv_glove_msg glove;
-        if (frame[i].id == GV_ID_POSE) REQUIRE(gv_fcu_unpack_pose(&frame[i], &pose) == GV_FCU_OK);
-        if (frame[i].id == GV_ID_GLOVE) REQUIRE(gv_fcu_unpack_glove(&frame[i], &glove) == GV_FCU_OK);
+        if (frame[i].id == GV_ID_POSE)
+          REQUIRE(gv_fcu_unpack_pose(&frame[i], &pose) == GV_FCU_OK);
+        if (frame[i].id == GV_ID_GLOVE)
+          REQUIRE(gv_fcu_unpack_glove(&frame[i], &glove) == GV_FCU_OK);
       }
   }
 }
@@ -35,7 +37,8 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
     for (int i = 0; i <= LOOKS; i++) {
       const gv_sim_keyframe at = gv_sim_script_at(&script, script.end_s * i / LOOKS);
       REQUIRE(gv_pose_finite(at.T_world_wrist));
-      for (int k = 0; k < GV_SENSORS; k++) REQUIRE(isfinite(at.angle_rad[k]));
+      for (int k = 0; k < GV_SENSORS; k++)
+        REQUIRE(isfinite(at.angle_rad[k]));
     }
     play(&script);
   } else {

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// A pseudo-terminal as a serial cable for tests: the device's end, the computer's end under a name that stays, plug and
-// unplug. The computer's end is held open here, as a plugged cable holds the line.
+// A pseudo-terminal as a serial cable for tests: the device's end, the computer's end under a name that
+// stays, plug and unplug. The computer's end is held open here, as a plugged cable holds the line.
 #ifndef PTY_H
 #define PTY_H
 
@@ -15,7 +15,7 @@
 
 typedef struct pty {
   char link[64];
-  int master, slave;           // -1: unplugged
+  int master, slave;  // -1: unplugged
 } pty;
 
 static inline void pty_plug(pty *p) {

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// The drivers of serial devices as they run: opened by their URLs on a real pseudo-terminal, at whose other end
-// the simulated device answers. What comes out is compared with what the device measured, frame by frame.
+// The drivers of serial devices as they run: opened by their URLs on a real pseudo-terminal, at whose other
+// end the simulated device answers. What comes out is compared with what the device measured, frame by frame.
 #include <time.h>
 
 #include "drivers/serial_sim.h"
@@ -11,29 +11,30 @@
 // The device's time runs four times as fast as the clock, which the drivers do not see.
 enum { MS = 1000000, STEP = 4 * MS, TOLD = 4096 };
 
-static const char motion[] =
-  "posture open  thumb_rotate -20  index_mpj 5  index_pij 10  little_dij 3\n"
-  "posture fist  like open  thumb_rotate 30  index_mpj 80  index_pij 95  index_dij 60  ring_pij 70  wrist_yaw 20\n"
-  "head -0.4 0.1 0.6  0 45 0\n"
-  "at 0  posture open  wrist 0.1 -0.2 0.15  90 0 30\n"
-  "at 40  posture fist  wrist 0.5 0.3 0.2  0 60 -45\n"
-  "end 600\n";
+static const char motion[] = "posture open  thumb_rotate -20  index_mpj 5  index_pij 10  little_dij 3\n"
+                             "posture fist  like open  thumb_rotate 30  index_mpj 80  index_pij 95  "
+                             "index_dij 60  ring_pij 70  wrist_yaw 20\n"
+                             "head -0.4 0.1 0.6  0 45 0\n"
+                             "at 0  posture open  wrist 0.1 -0.2 0.15  90 0 30\n"
+                             "at 40  posture fist  wrist 0.5 0.3 0.2  0 60 -45\n"
+                             "end 600\n";
 
-// The device, its pseudo-terminal under a name that stays, the driver, and what the device has measured so far.
+// The device, its pseudo-terminal under a name that stays, the driver, and what the
+// device has measured so far.
 static struct rig {
   pty cable;
   serial_sim device;
-  gv_sim twin;                 // makes the same measurements
+  gv_sim twin;  // makes the same measurements
   gv_driver driver;
-  gv_frame told[TOLD];         // by the twin, GLOVE and POSE
-  int told_count, next;        // where the next frame of the driver must be found, or behind it
-  int frames, skipped;         // of the driver; left out between them
+  gv_frame told[TOLD];   // by the twin, GLOVE and POSE
+  int told_count, next;  // where the next frame of the driver must be found, or behind it
+  int frames, skipped;   // of the driver; left out between them
   int64_t now_ns;
 } rig;
 
 static char err[512];
 static gv_calibration cal;
-static double glove_tolerance; // counts
+static double glove_tolerance;  // counts
 
 static void sleep_ms(int ms) {
   const struct timespec t = {0, ms * MS};
@@ -45,20 +46,24 @@ static void sleep_ms(int ms) {
 static void exchange_bytes(void) {
   uint8_t byte[1024];
   ssize_t n;
-  while (rig.cable.master >= 0 && (n = read(rig.cable.master, byte, sizeof byte)) > 0) serial_sim_receive(&rig.device, byte, (int)n);
+  while (rig.cable.master >= 0 && (n = read(rig.cable.master, byte, sizeof byte)) > 0)
+    serial_sim_receive(&rig.device, byte, (int)n);
   const int count = serial_sim_advance(&rig.device, rig.now_ns, byte, sizeof byte);
-  if (rig.cable.master >= 0 && count > 0) CHECK(write(rig.cable.master, byte, (size_t)count) == count, "%s", strerror(errno));
+  if (rig.cable.master >= 0 && count > 0)
+    CHECK(write(rig.cable.master, byte, (size_t)count) == count, "%s", strerror(errno));
 }
 
 // ---- what comes out -------------------------------------------------------------------------------
 
 static bool same_glove(const gv_frame *a, const gv_frame *b) {
   gv_glove_msg x, y;
-  if (gv_fcu_unpack_glove(a, &x) || gv_fcu_unpack_glove(b, &y)) return false;
+  if (gv_fcu_unpack_glove(a, &x) || gv_fcu_unpack_glove(b, &y))
+    return false;
   for (int i = 0; i < GV_SENSORS; i++) {
     const bool distal = i == GV_INDEX_DIJ || i == GV_MIDDLE_DIJ || i == GV_RING_DIJ || i == GV_LITTLE_DIJ;
     const bool filled = distal && rig.device.sensors == 18;
-    if (!filled && abs(x.raw[i] - y.raw[i]) > glove_tolerance) return false;
+    if (!filled && abs(x.raw[i] - y.raw[i]) > glove_tolerance)
+      return false;
   }
   return true;
 }
@@ -66,29 +71,37 @@ static bool same_glove(const gv_frame *a, const gv_frame *b) {
 static double pose_tolerance_m, pose_tolerance_rad;
 static bool same_pose(const gv_frame *a, const gv_frame *b) {
   gv_pose_msg x, y;
-  if (gv_fcu_unpack_pose(a, &x) || gv_fcu_unpack_pose(b, &y) || x.receiver != y.receiver) return false;
-  const gv_pose X = x.T_world_receiver, Y = y.T_world_receiver;
-  return gv_norm(gv_sub(X.p, Y.p)) < pose_tolerance_m && gv_norm(gv_quat_log(gv_quat_mul(gv_quat_conj(X.q), Y.q))) < pose_tolerance_rad;
+  if (gv_fcu_unpack_pose(a, &x) || gv_fcu_unpack_pose(b, &y) || x.receiver != y.receiver)
+    return false;
+  const gv_pose X = x.T_world_receiver;
+  const gv_pose Y = y.T_world_receiver;
+  return gv_norm(gv_sub(X.p, Y.p)) < pose_tolerance_m &&
+         gv_norm(gv_quat_log(gv_quat_mul(gv_quat_conj(X.q), Y.q))) < pose_tolerance_rad;
 }
 
 static bool same_frame(const gv_frame *a, const gv_frame *b) {
-  if (a->id != b->id) return false;
+  if (a->id != b->id)
+    return false;
   return a->id == GV_ID_GLOVE ? same_glove(a, b) : same_pose(a, b);
 }
 
 // The head does not move: its first frame is the newest of many that are alike.
 static int last_like(const gv_frame *frame) {
   int i = rig.told_count - 1;
-  while (i > 0 && !same_frame(frame, &rig.told[i])) i--;
+  while (i > 0 && !same_frame(frame, &rig.told[i]))
+    i--;
   return i;
 }
 
 static void check_frame(const gv_frame *frame) {
   CHECK(frame->stamp_ns == rig.now_ns, "stamp");
   for (int i = rig.next; i < rig.told_count; i++) {
-    if (rig.frames == 0) i = last_like(frame);
-    if (!same_frame(frame, &rig.told[i])) continue;
-    for (int k = rig.next; rig.frames > 0 && k < i; k++) rig.skipped += rig.told[k].id == frame->id ? 1 : 0;
+    if (rig.frames == 0)
+      i = last_like(frame);
+    if (!same_frame(frame, &rig.told[i]))
+      continue;
+    for (int k = rig.next; rig.frames > 0 && k < i; k++)
+      rig.skipped += rig.told[k].id == frame->id ? 1 : 0;
     rig.next = i + 1;
     rig.frames++;
     return;
@@ -102,18 +115,21 @@ static void one_ms(void) {
   rig.told_count += gv_sim_advance(&rig.twin, rig.now_ns, rig.told + rig.told_count, TOLD - rig.told_count);
   exchange_bytes();
   const int n = rig.driver.poll(rig.driver.self, rig.now_ns, frame, 64);
-  for (int i = 0; i < n; i++) check_frame(&frame[i]);
+  for (int i = 0; i < n; i++)
+    check_frame(&frame[i]);
   sleep_ms(1);
 }
 
 static void run_ms(int ms) {
-  while (ms-- > 0) one_ms();
+  while (ms-- > 0)
+    one_ms();
 }
 
 // Until `more` frames came, or for ten seconds. Returns whether they came.
 static bool run_frames(int more) {
   const int until = rig.frames + more;
-  for (int ms = 0; ms < 10000 && rig.frames < until; ms++) one_ms();
+  for (int ms = 0; ms < 10000 && rig.frames < until; ms++)
+    one_ms();
   return rig.frames >= until;
 }
 
@@ -131,15 +147,18 @@ static void start(serial_sim_kind kind, int sensors, const char *options) {
   gv_sim_init(&rig.twin, &script, NULL, 5);
   gv_sim_start(&rig.twin);
   cal = gv_calibration_default();
-  glove_tolerance = 8.5;       // half of 1/255, in counts
-  pose_tolerance_m = 1e-6;     // float32
+  glove_tolerance = 8.5;    // half of 1/255, in counts
+  pose_tolerance_m = 1e-6;  // float32
   pose_tolerance_rad = 2e-6;
   pty_plug(&rig.cable);
-  snprintf(url, sizeof url, "serial:%s?type=%s%s", rig.cable.link, kind == SERIAL_SIM_FASTRAK ? "fastrak" : "cyberglove", options);
-  const int failed = kind == SERIAL_SIM_FASTRAK ? gv_fastrak_open(url, &T_world_tracker, &rig.driver, err, sizeof err)
-                                                : gv_cyberglove_open(url, &cal, GV_RIGHT, &rig.driver, err, sizeof err);
+  snprintf(url, sizeof url, "serial:%s?type=%s%s", rig.cable.link,
+           kind == SERIAL_SIM_FASTRAK ? "fastrak" : "cyberglove", options);
+  const int failed = kind == SERIAL_SIM_FASTRAK
+                         ? gv_fastrak_open(url, &T_world_tracker, &rig.driver, err, sizeof err)
+                         : gv_cyberglove_open(url, &cal, GV_RIGHT, &rig.driver, err, sizeof err);
   CHECK(!failed, "%s", err);
-  if (failed) exit(1);
+  if (failed)
+    exit(1);
 }
 
 static void stop(void) {
@@ -151,8 +170,10 @@ static void check_clean(int frames) {
   CHECK(run_frames(frames), "only %d frames", rig.frames);
   const gv_driver_stats stats = rig.driver.stats(rig.driver.self);
   CHECK(rig.skipped == 0, "%d frames were left out", rig.skipped);
-  CHECK((int)stats.rx == rig.frames && stats.bad <= 2, "%d of %d, %d bad", (int)stats.rx, rig.frames, (int)stats.bad);
-  CHECK(gv_serial_report_of(&rig.driver).connections == 1, "%u connections", gv_serial_report_of(&rig.driver).connections);
+  CHECK((int)stats.rx == rig.frames && stats.bad <= 2, "%d of %d, %d bad", (int)stats.rx, rig.frames,
+        (int)stats.bad);
+  CHECK(gv_serial_report_of(&rig.driver).connections == 1, "%u connections",
+        gv_serial_report_of(&rig.driver).connections);
   CHECK(rig.device.refused == 0, "the device refused %d commands", (int)rig.device.refused);
 }
 
@@ -183,14 +204,16 @@ static void test_glove_yields_what_was_measured(void) {
   start(SERIAL_SIM_CYBERGLOVE, 22, "");
   check_clean(60);
   const gv_serial_report r = gv_serial_report_of(&rig.driver);
-  CHECK(r.connected && r.sensors == 22 && r.calibrated && r.offset[21] == 81 && r.gain[21] == 143, "%d sensors", r.sensors);
+  CHECK(r.connected && r.sensors == 22 && r.calibrated && r.offset[21] == 81 && r.gain[21] == 143,
+        "%d sensors", r.sensors);
   stop();
 }
 
 static void test_glove_with_18_sensors(void) {
   start(SERIAL_SIM_CYBERGLOVE, 18, "");
   check_clean(60);
-  CHECK(gv_serial_report_of(&rig.driver).sensors == 18, "%d sensors", gv_serial_report_of(&rig.driver).sensors);
+  CHECK(gv_serial_report_of(&rig.driver).sensors == 18, "%d sensors",
+        gv_serial_report_of(&rig.driver).sensors);
   stop();
 }
 
@@ -214,8 +237,10 @@ static void test_disturbed_line(void) {
   run_ms(50);
   const gv_serial_report r = gv_serial_report_of(&rig.driver);
   CHECK(rig.device.damaged > 10 && rig.device.garbage_bytes > 100, "%d damaged", (int)rig.device.damaged);
-  CHECK((int)(rig.device.whole - whole) == rig.frames - frames, "%d sent whole, %d came out", (int)(rig.device.whole - whole), rig.frames - frames);
-  CHECK(r.bad_bytes >= rig.device.garbage_bytes && r.bad_runs > 20, "%d bad bytes in %d runs", (int)r.bad_bytes, (int)r.bad_runs);
+  CHECK((int)(rig.device.whole - whole) == rig.frames - frames, "%d sent whole, %d came out",
+        (int)(rig.device.whole - whole), rig.frames - frames);
+  CHECK(r.bad_bytes >= rig.device.garbage_bytes && r.bad_runs > 20, "%d bad bytes in %d runs",
+        (int)r.bad_bytes, (int)r.bad_runs);
   CHECK(rig.driver.stats(rig.driver.self).bad == r.bad_runs, "not in the statistics");
   stop();
 }
@@ -227,7 +252,8 @@ static void test_reset_is_survived(void) {
   serial_sim_reset(&rig.device);
   CHECK(run_frames(40), "no frames after the reset");
   CHECK(rig.device.centimetres && rig.device.binary, "not set up");
-  CHECK(gv_serial_report_of(&rig.driver).connections == 2, "%u connections", gv_serial_report_of(&rig.driver).connections);
+  CHECK(gv_serial_report_of(&rig.driver).connections == 2, "%u connections",
+        gv_serial_report_of(&rig.driver).connections);
   stop();
 }
 
@@ -240,11 +266,13 @@ static void test_cable_out_and_in(void) {
   run_ms(400);
   CHECK(rig.frames <= before + 2, "frames from a cable that is out");
   CHECK(!gv_serial_report_of(&rig.driver).connected, "still connected");
-  CHECK(!rig.driver.ended(rig.driver.self) && rig.driver.stats(rig.driver.self).link_downs == 1, "the driver gave up");
+  CHECK(!rig.driver.ended(rig.driver.self) && rig.driver.stats(rig.driver.self).link_downs == 1,
+        "the driver gave up");
   serial_sim_reset(&rig.device);
   pty_plug(&rig.cable);
   CHECK(run_frames(40), "no frames after it was plugged in");
-  CHECK(gv_serial_report_of(&rig.driver).connections == 2, "%u connections", gv_serial_report_of(&rig.driver).connections);
+  CHECK(gv_serial_report_of(&rig.driver).connections == 2, "%u connections",
+        gv_serial_report_of(&rig.driver).connections);
   stop();
 }
 
@@ -252,7 +280,7 @@ static void test_cable_out_and_in(void) {
 static void test_silent_device(void) {
   start(SERIAL_SIM_CYBERGLOVE, 22, "");
   const int master = rig.cable.master;
-  rig.cable.master = -1;             // its bytes go nowhere
+  rig.cable.master = -1;  // its bytes go nowhere
   run_ms(600);
   CHECK(rig.frames == 0 && !gv_serial_report_of(&rig.driver).connected, "connected to nothing");
   rig.cable.master = master;
@@ -277,7 +305,8 @@ static void test_fastrak_is_set_right(void) {
   check_clean(40);
   CHECK(rig.device.centimetres && !rig.device.filtered, "units or filter");
   for (int i = 1; i <= 2; i++)
-    CHECK(rig.device.increment[i] == 0 && !rig.device.aligned[i] && !rig.device.boresighted[i], "station %d", i);
+    CHECK(rig.device.increment[i] == 0 && !rig.device.aligned[i] && !rig.device.boresighted[i], "station %d",
+          i);
   stop();
 }
 
@@ -295,7 +324,8 @@ static void check_told(const char *const words[3]) {
   CHECK(!tells_after(1), "too early: %s", told);
   run_ms(100);
   CHECK(tells_after(2.1), "nothing is told");
-  for (int i = 0; i < 3; i++) CHECK(strstr(told, words[i]), "no \"%s\" in: %s", words[i], told);
+  for (int i = 0; i < 3; i++)
+    CHECK(strstr(told, words[i]), "no \"%s\" in: %s", words[i], told);
   CHECK(strchr(told, ';') && !strchr(told, '\n'), "%s", told);
   CHECK(!tells_after(10), "told twice: %s", told);
 }
@@ -304,7 +334,8 @@ static void test_bytes_that_are_no_records_are_told(void) {
   static const char *const words[] = {"bytes came", "seven numbers", "baud"};
   start(SERIAL_SIM_FASTRAK, 22, "");
   rig.device.faults.gap = 1;
-  for (int ms = 0; ms < 4000 && !gv_serial_report_of(&rig.driver).connected; ms++) one_ms();
+  for (int ms = 0; ms < 4000 && !gv_serial_report_of(&rig.driver).connected; ms++)
+    one_ms();
   check_told(words);
   rig.device.faults.gap = 0;
   CHECK(run_frames(5), "no frames");
@@ -316,7 +347,8 @@ static void test_inches_for_ever_are_told(void) {
   static const char *const words[] = {"FASTRAK", "another unit", "switch it off and on"};
   start(SERIAL_SIM_FASTRAK, 22, "");
   rig.device.deaf_to_units = 1 << 30;
-  for (int ms = 0; ms < 3000; ms++) one_ms();
+  for (int ms = 0; ms < 3000; ms++)
+    one_ms();
   CHECK(rig.frames == 0, "%d poses in inches came through", rig.frames);
   check_told(words);
   stop();
@@ -326,7 +358,8 @@ static void test_a_receiver_that_is_not_plugged_in_is_told(void) {
   static const char *const words[] = {"FASTRAK", "switched off", "hand= and head="};
   start(SERIAL_SIM_FASTRAK, 22, "");
   rig.device.unplugged[1] = true;
-  for (int ms = 0; ms < 1500; ms++) one_ms();
+  for (int ms = 0; ms < 1500; ms++)
+    one_ms();
   check_told(words);
   stop();
 }
@@ -351,7 +384,8 @@ static int poses_of_a_while(void) {
     rig.now_ns += STEP;
     exchange_bytes();
     const int n = rig.driver.poll(rig.driver.self, rig.now_ns, frame, 64);
-    for (int i = 0; i < n; i++) pose_flags |= frame[i].data[1];
+    for (int i = 0; i < n; i++)
+      pose_flags |= frame[i].data[1];
     poses += n;
     sleep_ms(1);
   }
@@ -360,8 +394,13 @@ static int poses_of_a_while(void) {
 
 // An error letter is told once, in words; only one that concerns the pose takes it along.
 static void test_error_letters_are_told(void) {
-  static const struct { char letter; const char *words; unsigned flags; } t[] = {
-    {'k', "too low", GV_POSE_TRACKER_ERROR}, {'m', "memory", GV_POSE_VALID}, {'l', "zero", GV_POSE_TRACKER_ERROR}};
+  static const struct {
+    char letter;
+    const char *words;
+    unsigned flags;
+  } t[] = {{'k', "too low", GV_POSE_TRACKER_ERROR},
+           {'m', "memory", GV_POSE_VALID},
+           {'l', "zero", GV_POSE_TRACKER_ERROR}};
   start(SERIAL_SIM_FASTRAK, 22, "");
   CHECK(run_frames(5), "no frames");
   for (size_t i = 0; i < sizeof t / sizeof *t; i++) {
@@ -404,7 +443,9 @@ static void test_one_reader_at_a_time(void) {
   gv_driver second;
   start(SERIAL_SIM_CYBERGLOVE, 22, "");
   snprintf(url, sizeof url, "serial:%s?type=cyberglove", rig.cable.link);
-  CHECK(gv_cyberglove_open(url, &cal, GV_RIGHT, &second, err, sizeof err) < 0 && strstr(err, "end the program that holds it"), "%s", err);
+  CHECK(gv_cyberglove_open(url, &cal, GV_RIGHT, &second, err, sizeof err) < 0 &&
+            strstr(err, "end the program that holds it"),
+        "%s", err);
   check_clean(10);
   stop();
 }
@@ -422,11 +463,13 @@ static void test_sending_goes_nowhere(void) {
   stop();
 }
 
-// Tracker and simulated unit as one: the poses are the tracker's, everything else the unit's, in order of stamps.
+// Tracker and simulated unit as one: the poses are the tracker's, everything else
+// the unit's, in order of stamps.
 static void test_pair_takes_the_trackers_poses(void) {
   gv_driver unit, both;
   gv_frame frame[64];
-  int poses = 0, gloves = 0;
+  int poses = 0;
+  int gloves = 0;
   int64_t last = 0;
   start(SERIAL_SIM_FASTRAK, 22, "");
   CHECK(gv_sim_open("sim:", &unit, err, sizeof err) == 0, "%s", err);
@@ -440,7 +483,8 @@ static void test_pair_takes_the_trackers_poses(void) {
       CHECK(frame[i].stamp_ns >= last, "out of order");
       last = frame[i].stamp_ns;
       gloves += frame[i].id == GV_ID_GLOVE;
-      if (frame[i].id != GV_ID_POSE) continue;
+      if (frame[i].id != GV_ID_POSE)
+        continue;
       check_frame(&frame[i]);
       poses++;
     }
@@ -454,7 +498,9 @@ static void test_pair_takes_the_trackers_poses(void) {
 }
 
 static void test_wrong_urls(void) {
-  static const struct { const char *url, *what; } wrong[] = {
+  static const struct {
+    const char *url, *what;
+  } wrong[] = {
     {"serial:", "device is missing"},
     {"serial:?type=fastrak", "device is missing"},
     {"serial:/dev/null?type=fastrak", "give a serial device"},
@@ -481,8 +527,10 @@ static void test_wrong_urls(void) {
     CHECK(strstr(err, wrong[i].what) && strchr(err, ';') && !strchr(err, '\n'), "%s: %s", wrong[i].url, err);
   }
   cal = gv_calibration_default();
-  CHECK(gv_cyberglove_open("serial:/dev/null?type=cyberglove&sensors=20", &cal, GV_RIGHT, &driver, err, sizeof err) < 0 &&
-        strstr(err, "sensors=20 is not known"), "%s", err);
+  CHECK(gv_cyberglove_open("serial:/dev/null?type=cyberglove&sensors=20", &cal, GV_RIGHT, &driver, err,
+                           sizeof err) < 0 &&
+            strstr(err, "sensors=20 is not known"),
+        "%s", err);
   char endless[400];
   memset(endless, 'x', sizeof endless - 1);
   endless[sizeof endless - 1] = '\0';

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// What the black box writes after a fault: the ten seconds before it and half a second after, frames that a trace
-// replays and a row for each step, never over a file that is there.
+// What the black box writes after a fault: the ten seconds before it and half a second after, frames that a
+// trace replays and a row for each step, never over a file that is there.
 #include <dirent.h>
 #include <string.h>
 #include <sys/stat.h>
@@ -27,15 +27,22 @@ static gv_frame glove_frame(int64_t step) {
 
 static void keep_step(gv_black_box *box, int64_t step) {
   const gv_frame frame = glove_frame(step);
-  gv_step_record record = {.step = step + 1, .step_ns = step * STEP_NS, .utime = start_us + step * 1000, .safety = GV_SAFETY_ACTIVE,
-                           .force_n = {0.001 * (double)(step % 1000)}, .frame_count = 9};
+  gv_step_record record = {.step = step + 1,
+                           .step_ns = step * STEP_NS,
+                           .utime = start_us + step * 1000,
+                           .safety = GV_SAFETY_ACTIVE,
+                           .force_n = {0.001 * (double)(step % 1000)},
+                           .frame_count = 9};
   gv_black_box_frame(box, &frame);
   gv_black_box_step(box, &record);
   gv_black_box_step(box, &record);  // a step with many frames comes in two
 }
 
 static void fault_at(gv_black_box *box, int64_t step) {
-  const gv_record record = {.kind = GV_RECORD_STATE, .from = GV_SAFETY_ACTIVE, .to = GV_SAFETY_FAULT, .utime = start_us + step * 1000};
+  const gv_record record = {.kind = GV_RECORD_STATE,
+                            .from = GV_SAFETY_ACTIVE,
+                            .to = GV_SAFETY_FAULT,
+                            .utime = start_us + step * 1000};
   gv_black_box_record(box, &record);
 }
 
@@ -49,8 +56,10 @@ static void run_steps(gv_black_box *box, int64_t from, int64_t to) {
 static int files(void) {
   DIR *d = opendir(folder);
   int count = 0;
-  while (d && readdir(d)) count++;
-  if (d) closedir(d);
+  while (d && readdir(d))
+    count++;
+  if (d)
+    closedir(d);
   return count - 2;
 }
 
@@ -60,11 +69,14 @@ static int rows(const char *name, double *out_first, double *out_last) {
   int count = 0;
   snprintf(path, sizeof path, "%s/%s", folder, name);
   FILE *file = fopen(path, "r");
-  if (!file) return -1;
-  if (!fgets(line, sizeof line, file)) count = -1;
+  if (!file)
+    return -1;
+  if (!fgets(line, sizeof line, file))
+    count = -1;
   while (fgets(line, sizeof line, file)) {
     const double time_s = strtod(strchr(line, ',') + 1, NULL);
-    if (count++ == 0) *out_first = time_s;
+    if (count++ == 0)
+      *out_first = time_s;
     *out_last = time_s;
   }
   fclose(file);
@@ -72,7 +84,8 @@ static int rows(const char *name, double *out_first, double *out_last) {
 }
 
 static void test_ten_seconds_before_a_fault(void) {
-  double first = 0, last = 0;
+  double first = 0;
+  double last = 0;
   gv_black_box *box = gv_black_box_open(folder, &about);
   run_steps(box, 0, 15000);
   CHECK(files() == 0, "written without a fault");
@@ -100,7 +113,8 @@ static void test_frames_are_a_trace(void) {
   const int count = driver.poll(driver.self, gv_trace_length_ns(&driver), frame, 20000);
   CHECK(count >= 10490 && count <= 10510, "%d frames", count);
   const gv_frame sent = glove_frame(4999);
-  CHECK(frame[0].id == sent.id && frame[0].len == sent.len && memcmp(frame[0].data, sent.data, sent.len) == 0, "another frame");
+  CHECK(frame[0].id == sent.id && frame[0].len == sent.len && memcmp(frame[0].data, sent.data, sent.len) == 0,
+        "another frame");
   CHECK(frame[100].stamp_ns - frame[0].stamp_ns == 100 * STEP_NS, "stamps");
   driver.close(driver.self);
 }
@@ -116,8 +130,10 @@ static void test_no_file_is_overwritten(void) {
   fault_at(box, 15000);
   gv_black_box_close(box);  // the end of the program comes before the aftermath
   stat(path, &after);
-  CHECK(before.st_size == after.st_size && before.st_mtime == after.st_mtime && before.st_ino == after.st_ino, "written over");
-  CHECK(files() == 6 && rows("gloved-fault-20231114T221335Z-2.csv", &first, &last) == 100, "%d files", files());
+  CHECK(before.st_size == after.st_size && before.st_mtime == after.st_mtime && before.st_ino == after.st_ino,
+        "written over");
+  CHECK(files() == 6 && rows("gloved-fault-20231114T221335Z-2.csv", &first, &last) == 100, "%d files",
+        files());
 }
 
 static void test_a_device_that_flaps_does_not_fill_the_disk(void) {
@@ -134,12 +150,15 @@ static void test_a_device_that_flaps_does_not_fill_the_disk(void) {
 
 static void test_folder(void) {
   char out[512], err[300] = "";
-  CHECK(gv_black_box_folder("/no/such", out, err, sizeof err) < 0 && strstr(err, "/no/such") && strstr(err, ";"), "%s", err);
+  CHECK(gv_black_box_folder("/no/such", out, err, sizeof err) < 0 && strstr(err, "/no/such") &&
+            strstr(err, ";"),
+        "%s", err);
   CHECK(gv_black_box_folder("/proc/self/status", out, err, sizeof err) < 0, "a file is no folder");
   CHECK(gv_black_box_folder(folder, out, err, sizeof err) == 0 && strcmp(out, folder) == 0, "%s", out);
   setenv("XDG_STATE_HOME", "/tmp/state", 1);
   unsetenv("STATE_DIRECTORY");
-  CHECK(gv_black_box_folder("", out, err, sizeof err) == 0 && strcmp(out, "/tmp/state/gloved") == 0, "%s", out);
+  CHECK(gv_black_box_folder("", out, err, sizeof err) == 0 && strcmp(out, "/tmp/state/gloved") == 0, "%s",
+        out);
   setenv("STATE_DIRECTORY", "/var/lib/gloved:/var/lib/more", 1);
   CHECK(gv_black_box_folder("", out, err, sizeof err) == 0 && strcmp(out, "/var/lib/gloved") == 0, "%s", out);
 }
@@ -157,8 +176,10 @@ static void test_folders_are_made(void) {
 
 int main(void) {
   char command[300];
-  if (!mkdtemp(folder)) return 1;
-  if (!freopen("/dev/null", "w", stderr)) return 1;
+  if (!mkdtemp(folder))
+    return 1;
+  if (!freopen("/dev/null", "w", stderr))
+    return 1;
   RUN(test_ten_seconds_before_a_fault);
   RUN(test_frames_are_a_trace);
   RUN(test_no_file_is_overwritten);

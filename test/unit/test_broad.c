@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// Broad phase: compounds tumble through a hand and through each other, and every pair of pieces that touches is
-// found: the same poses without any boxes, each pair asked for its distance.
+// Broad phase: compounds tumble through a hand and through each other, and every pair of pieces that touches
+// is found: the same poses without any boxes, each pair asked for its distance.
 #include "engine/engine_state.h"
 #include "support/check.h"
 #include "support/lab.h"
@@ -18,8 +18,10 @@ static gv_vec3 random_vector(unsigned long long *r, double most) {
 static void make_pieces(unsigned long long *r, gv_arena *arena) {
   for (int i = 0; i < OBJECTS * PIECES; i++) {
     gv_vec3 corner[12], middle = random_vector(r, 0.06);
-    for (int k = 0; k < 12; k++) corner[k] = gv_add(middle, random_vector(r, check_uniform(r, 0.005, 0.03)));
-    if (i % 3 ? gv_hull_build(arena, corner, 12, &piece[i]) : gv_hull_ball(arena, middle, 0.01, &piece[i])) abort();
+    for (int k = 0; k < 12; k++)
+      corner[k] = gv_add(middle, random_vector(r, check_uniform(r, 0.005, 0.03)));
+    if (i % 3 ? gv_hull_build(arena, corner, 12, &piece[i]) : gv_hull_ball(arena, middle, 0.01, &piece[i]))
+      abort();
   }
 }
 
@@ -30,22 +32,32 @@ static gv_pose random_pose(unsigned long long *r) {
 static gv_scene make_scene(unsigned long long *r, gv_arena *arena) {
   make_pieces(r, arena);
   for (int o = 0; o < OBJECTS; o++)
-    object[o] = (gv_object){.name = "splinters", .is_static = o == OBJECTS - 1, .T_world_body = random_pose(r), .mass_kg = 0.2,
-      .inertia_kg_m2 = {{{1e-4, 0, 0}, {0, 1e-4, 0}, {0, 0, 1e-4}}}, .mu = 0.5, .piece_first = o * PIECES, .piece_count = PIECES};
-  return (gv_scene){.object_count = OBJECTS, .piece_count = OBJECTS * PIECES, .object = object, .piece = piece};
+    object[o] = (gv_object){.name = "splinters",
+                            .is_static = o == OBJECTS - 1,
+                            .T_world_body = random_pose(r),
+                            .mass_kg = 0.2,
+                            .inertia_kg_m2 = {{{1e-4, 0, 0}, {0, 1e-4, 0}, {0, 0, 1e-4}}},
+                            .mu = 0.5,
+                            .piece_first = o * PIECES,
+                            .piece_count = PIECES};
+  return (gv_scene){
+    .object_count = OBJECTS, .piece_count = OBJECTS * PIECES, .object = object, .piece = piece};
 }
 
 static bool touch(const gv_engine *e, const gv_shape *a, int body_a, const gv_shape *b, int body_b) {
   gv_pair_cache cold = {.corners = 0};
   gv_distance d;
   const double near = 0.49 * e->cfg.contact_margin_m;
-  gv_distance_pair(GV_NARROW_CORE, &(gv_pair){a, &e->broad.predicted[body_a].T, b, &e->broad.predicted[body_b].T}, near, &cold, &d);
+  gv_distance_pair(GV_NARROW_CORE,
+                   &(gv_pair){a, &e->broad.predicted[body_a].T, b, &e->broad.predicted[body_b].T}, near,
+                   &cold, &d);
   return d.distance < near;
 }
 
 static bool is_told(const gv_engine *e, int limb, int piece_b) {
   for (int i = 0; i < e->contact_count; i++)
-    if (e->contact[i].limb == limb && e->contact[i].piece == piece_b) return true;
+    if (e->contact[i].limb == limb && e->contact[i].piece == piece_b)
+      return true;
   return false;
 }
 
@@ -54,7 +66,8 @@ static int check_limbs(const gv_engine *e, int step) {
   int found = 0;
   for (int l = 0; l < GV_LIMBS; l++)
     for (int p = 0; p < OBJECTS * PIECES; p++) {
-      if (!touch(e, &e->broad.limb_shape[l], l, &e->broad.piece_shape[p], GV_LIMBS + p / PIECES)) continue;
+      if (!touch(e, &e->broad.limb_shape[l], l, &e->broad.piece_shape[p], GV_LIMBS + p / PIECES))
+        continue;
       CHECK(is_told(e, l, p), "step %d: limb %d touches piece %d", step, l, p);
       found++;
     }
@@ -65,7 +78,9 @@ static int check_pieces(const gv_engine *e, int step) {
   int found = 0;
   for (int p = 0; p < (OBJECTS - 1) * PIECES; p++)
     for (int q = (p / PIECES + 1) * PIECES; q < OBJECTS * PIECES; q++) {
-      if (!touch(e, &e->broad.piece_shape[p], GV_LIMBS + p / PIECES, &e->broad.piece_shape[q], GV_LIMBS + q / PIECES)) continue;
+      if (!touch(e, &e->broad.piece_shape[p], GV_LIMBS + p / PIECES, &e->broad.piece_shape[q],
+                 GV_LIMBS + q / PIECES))
+        continue;
       CHECK(is_told(e, -1 - p / PIECES, q), "step %d: pieces %d and %d touch", step, p, q);
       found++;
     }
@@ -73,14 +88,16 @@ static int check_pieces(const gv_engine *e, int step) {
 }
 
 static void test_no_touching_pair_is_missed(void) {
-  static const double bent[GV_SENSORS] = {0.3, 0.2, 0.4, 0.5, 0.9, 0.7, 0.3, 0.2, 0.8, 1.2, 0.1, 0.5, 0.5, 0.5, 0.1, 0.7, 0.2, 0.1, 0.1, 0.2};
+  static const double bent[GV_SENSORS] = {0.3, 0.2, 0.4, 0.5, 0.9, 0.7, 0.3, 0.2, 0.8, 1.2,
+                                          0.1, 0.5, 0.5, 0.5, 0.1, 0.7, 0.2, 0.1, 0.1, 0.2};
   unsigned long long r = 5;
   lab l;
   lab_start(&l);
   l.scene = make_scene(&r, &l.arena);
   lab_run(&l);
   gv_sample hand = lab_hand(&l, bent, (gv_pose){gv_quat_exp(gv_v3(0.3, -0.4, 0.8)), {0, 0, 0}});
-  int limbs = 0, pieces = 0;
+  int limbs = 0;
+  int pieces = 0;
   for (int step = 0; step < 6000; step++) {
     for (int o = 0; o < OBJECTS - 1; o++)
       gv_engine_set_object(l.engine, o, random_pose(&r), random_vector(&r, 0.5), random_vector(&r, 5));

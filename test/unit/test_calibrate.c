@@ -20,7 +20,8 @@ static gv_sim sim;
 
 static void load_script(const char *device, unsigned seed) {
   CHECK(gv_sim_script_load("data/scripts/calibrate.user", &script, err, sizeof err) == 0, "%s", err);
-  if (strcmp(device, "real") == 0) script.device = gv_sim_device_real();
+  if (strcmp(device, "real") == 0)
+    script.device = gv_sim_device_real();
   gv_sim_init(&sim, &script, NULL, seed);
   gv_sim_start(&sim);
   gv_calibrator_init(&calibrator);
@@ -37,10 +38,13 @@ static int walk(fault change) {
     const int n = gv_sim_advance(&sim, now_ns, frame, 32);
     for (int i = 0; i < n; i++) {
       gv_glove_msg msg;
-      if (frame[i].id != GV_ID_GLOVE || gv_fcu_unpack_glove(&frame[i], &msg)) continue;
-      if (change) change(frame[i].stamp_ns, msg.raw);
+      if (frame[i].id != GV_ID_GLOVE || gv_fcu_unpack_glove(&frame[i], &msg))
+        continue;
+      if (change)
+        change(frame[i].stamp_ns, msg.raw);
       gv_calibrator_sample(&calibrator, frame[i].stamp_ns, msg.raw);
-      if (gv_calibrator_rest(&calibrator) >= 1.0 && gv_calibrator_moved(&calibrator)) gv_calibrator_take(&calibrator);
+      if (gv_calibrator_rest(&calibrator) >= 1.0 && gv_calibrator_moved(&calibrator))
+        gv_calibrator_take(&calibrator);
     }
   }
   return calibrator.posture;
@@ -61,27 +65,33 @@ static void test_ideal_glove(void) {
       CHECK_NEAR(gv_calibration_angle(&made, i, raw), gv_calibration_angle(&base, i, raw), 0.003);
 }
 
-// Real gloves: offset up to 2.3 degrees and gain up to 3 % off, coarse, trembling, jumping. Afterwards every
-// sensor that the postures move is right to half a degree in all of them, half a step of its 8 bits; before, not.
+// Real gloves: offset up to 2.3 degrees and gain up to 3 % off, coarse, trembling, jumping.
+// Afterwards every sensor that the postures move is right to half a degree in all of them, half a
+// step of its 8 bits; before, not.
 static void test_real_gloves(void) {
   for (unsigned seed = 1; seed <= 10; seed++) {
-    double before = 0, after = 0;
+    double before = 0;
+    double after = 0;
     load_script("real", seed);
     CHECK(walk(NULL) == GV_POSTURES, "seed %u: %d postures", seed, calibrator.posture);
     CHECK(gv_calibrator_finish(&calibrator, &base, &made, line) == 0, "seed %u: %s", seed, line[0]);
     for (int i = 0; i < GV_SENSORS; i++)
       for (int p = 0; p < GV_POSTURES; p++) {
-        before = fmax(before, fabs(gv_calibration_angle(&base, i, calibrator.raw[p][i]) * 180 / GV_PI - true_deg(i, (gv_posture)p)));
-        after = fmax(after, fabs(gv_calibration_angle(&made, i, calibrator.raw[p][i]) * 180 / GV_PI - true_deg(i, (gv_posture)p)));
+        before = fmax(before, fabs(gv_calibration_angle(&base, i, calibrator.raw[p][i]) * 180 / GV_PI -
+                                   true_deg(i, (gv_posture)p)));
+        after = fmax(after, fabs(gv_calibration_angle(&made, i, calibrator.raw[p][i]) * 180 / GV_PI -
+                                 true_deg(i, (gv_posture)p)));
       }
-    CHECK(before > 2.0 && after < 0.5, "seed %u: off by %.2f degrees before, %.2f after", seed, before, after);
+    CHECK(before > 2.0 && after < 0.5, "seed %u: off by %.2f degrees before, %.2f after", seed, before,
+          after);
   }
 }
 
 // A glove that counts down and with other gains, as real ones may.
 static void falling(int64_t stamp_ns, uint16_t raw[GV_SENSORS]) {
   (void)stamp_ns;
-  for (int i = 0; i < GV_SENSORS; i++) raw[i] = (uint16_t)(3000 - raw[i] / 2);
+  for (int i = 0; i < GV_SENSORS; i++)
+    raw[i] = (uint16_t)(3000 - raw[i] / 2);
 }
 static void test_falling_glove(void) {
   load_script("best", 1);
@@ -95,11 +105,26 @@ static void test_falling_glove(void) {
 
 // ---- what is refused ------------------------------------------------------------------------------
 
-static void stuck(int64_t t, uint16_t raw[GV_SENSORS]) { (void)t; raw[GV_RING_PIJ] = 1500; }
-static void inverted(int64_t t, uint16_t raw[GV_SENSORS]) { (void)t; raw[GV_LITTLE_MPJ] = (uint16_t)(4095 - raw[GV_LITTLE_MPJ]); }
-static void at_end(int64_t t, uint16_t raw[GV_SENSORS]) { (void)t; raw[GV_THUMB_IJ] = raw[GV_THUMB_IJ] > 1800 ? 4095 : raw[GV_THUMB_IJ]; }
-static void wrist_at_end(int64_t t, uint16_t raw[GV_SENSORS]) { (void)t; raw[GV_WRIST_YAW] = 1; }
-static void no_pinch(int64_t t, uint16_t raw[GV_SENSORS]) { (void)t; raw[GV_THUMB_ABDUCTION] = 1024; }
+static void stuck(int64_t t, uint16_t raw[GV_SENSORS]) {
+  (void)t;
+  raw[GV_RING_PIJ] = 1500;
+}
+static void inverted(int64_t t, uint16_t raw[GV_SENSORS]) {
+  (void)t;
+  raw[GV_LITTLE_MPJ] = (uint16_t)(4095 - raw[GV_LITTLE_MPJ]);
+}
+static void at_end(int64_t t, uint16_t raw[GV_SENSORS]) {
+  (void)t;
+  raw[GV_THUMB_IJ] = raw[GV_THUMB_IJ] > 1800 ? 4095 : raw[GV_THUMB_IJ];
+}
+static void wrist_at_end(int64_t t, uint16_t raw[GV_SENSORS]) {
+  (void)t;
+  raw[GV_WRIST_YAW] = 1;
+}
+static void no_pinch(int64_t t, uint16_t raw[GV_SENSORS]) {
+  (void)t;
+  raw[GV_THUMB_ABDUCTION] = 1024;
+}
 
 static void refused(fault change, int sensor, const char *what) {
   load_script("best", 1);
@@ -108,7 +133,9 @@ static void refused(fault change, int sensor, const char *what) {
   const gv_calibration untouched = made;
   const int n = gv_calibrator_finish(&calibrator, &base, &made, line);
   CHECK(n == 1, "%s: %d problems: %s / %s", what, n, line[0], line[1]);
-  CHECK(strncmp(line[0], gv_sensor_name(sensor), strlen(gv_sensor_name(sensor))) == 0 && strstr(line[0], what) && strchr(line[0], ';'), "%s", line[0]);
+  CHECK(strncmp(line[0], gv_sensor_name(sensor), strlen(gv_sensor_name(sensor))) == 0 &&
+            strstr(line[0], what) && strchr(line[0], ';'),
+        "%s", line[0]);
   CHECK(memcmp(&made, &untouched, sizeof made) == 0, "written to");
 }
 
@@ -121,15 +148,23 @@ static void test_one_bad_sensor_is_named(void) {
 }
 
 static unsigned long long noise_state = 7;
-static void noisy(int64_t t, uint16_t raw[GV_SENSORS]) { (void)t; raw[GV_MIDDLE_DIJ] = (uint16_t)(1500 + check_uniform(&noise_state, -100, 100)); }
-static void constant(int64_t t, uint16_t raw[GV_SENSORS]) { (void)t; for (int i = 0; i < GV_SENSORS; i++) raw[i] = (uint16_t)(1000 + i); }
+static void noisy(int64_t t, uint16_t raw[GV_SENSORS]) {
+  (void)t;
+  raw[GV_MIDDLE_DIJ] = (uint16_t)(1500 + check_uniform(&noise_state, -100, 100));
+}
+static void constant(int64_t t, uint16_t raw[GV_SENSORS]) {
+  (void)t;
+  for (int i = 0; i < GV_SENSORS; i++)
+    raw[i] = (uint16_t)(1000 + i);
+}
 static void restless(int64_t t, uint16_t raw[GV_SENSORS]) { raw[t / (300 * MS) % GV_SENSORS] += 300; }
 
 static void no_posture(fault change, int taken, const char *start, const char *what) {
   load_script("best", 1);
   CHECK(walk(change) == taken, "%s: %d postures", what, calibrator.posture);
   CHECK(gv_calibrator_finish(&calibrator, &base, &made, line) == 1, "%s: not refused", what);
-  CHECK(strncmp(line[0], start, strlen(start)) == 0 && strstr(line[0], what) && strchr(line[0], ';'), "%s", line[0]);
+  CHECK(strncmp(line[0], start, strlen(start)) == 0 && strstr(line[0], what) && strchr(line[0], ';'), "%s",
+        line[0]);
 }
 
 static void test_postures_that_do_not_come_about(void) {
@@ -138,7 +173,8 @@ static void test_postures_that_do_not_come_about(void) {
   no_posture(restless, 0, "flat hand", "did not rest");
 }
 
-// Flat hand and fist exchanged (a person, or a busy machine, was ahead): every sensor moved, and yet it is refused.
+// Flat hand and fist exchanged (a person, or a busy machine, was ahead): every sensor
+// moved, and yet it is refused.
 static void test_exchanged_postures_are_refused(void) {
   load_script("best", 1);
   CHECK(walk(NULL) == GV_POSTURES, "%d postures", calibrator.posture);
@@ -153,11 +189,15 @@ static void test_exchanged_postures_are_refused(void) {
 
 static void test_no_samples(void) {
   gv_calibrator_init(&calibrator);
-  CHECK(gv_calibrator_finish(&calibrator, &base, &made, line) == 1 && strstr(line[0], "switch it on"), "%s", line[0]);
+  CHECK(gv_calibrator_finish(&calibrator, &base, &made, line) == 1 && strstr(line[0], "switch it on"), "%s",
+        line[0]);
 }
 
 // Jumps of one sample in a resting hand, up to 0.49 rad: they neither hold up the posture nor shift it.
-static void jumping(int64_t t, uint16_t raw[GV_SENSORS]) { if (t / MS % 40 == 0) raw[GV_INDEX_PIJ] = (uint16_t)(raw[GV_INDEX_PIJ] + 640); }
+static void jumping(int64_t t, uint16_t raw[GV_SENSORS]) {
+  if (t / MS % 40 == 0)
+    raw[GV_INDEX_PIJ] = (uint16_t)(raw[GV_INDEX_PIJ] + 640);
+}
 static void test_jumps_do_not_count(void) {
   load_script("best", 1);
   CHECK(walk(jumping) == GV_POSTURES, "%d postures", calibrator.posture);
@@ -173,12 +213,16 @@ static void test_file_round_trip(void) {
   load_script("real", 3);
   walk(NULL);
   CHECK(gv_calibrator_finish(&calibrator, &base, &made, line) == 0, "%s", line[0]);
-  CHECK(gv_calibration_save(path, &made, "two lines\nof comment \x1b[31m }; @include", err, sizeof err) == 0, "%s", err);
+  CHECK(gv_calibration_save(path, &made, "two lines\nof comment \x1b[31m }; @include", err, sizeof err) == 0,
+        "%s", err);
   CHECK(gv_calibration_load(path, &back, err, sizeof err) == 0, "%s", err);
   for (int i = 0; i < GV_SENSORS; i++)
-    for (int raw = 0; raw < 4096; raw += 1365) CHECK_NEAR(gv_calibration_angle(&back, i, raw), gv_calibration_angle(&made, i, raw), 2e-3);
+    for (int raw = 0; raw < 4096; raw += 1365)
+      CHECK_NEAR(gv_calibration_angle(&back, i, raw), gv_calibration_angle(&made, i, raw), 2e-3);
   unlink(path);
-  CHECK(gv_calibration_save("/nonexistent/x.cal", &made, "", err, sizeof err) < 0 && strstr(err, "choose another place"), "%s", err);
+  CHECK(gv_calibration_save("/nonexistent/x.cal", &made, "", err, sizeof err) < 0 &&
+            strstr(err, "choose another place"),
+        "%s", err);
 }
 
 int main(void) {

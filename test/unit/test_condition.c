@@ -21,7 +21,8 @@ static void start(void) {
 
 static gv_sample glove_at(const double angle[GV_SENSORS]) {
   gv_sample s = {.glove_new = true};
-  for (int i = 0; i < GV_SENSORS; i++) s.raw[i] = gv_calibration_raw(&cfg.calibration, i, angle[i]);
+  for (int i = 0; i < GV_SENSORS; i++)
+    s.raw[i] = gv_calibration_raw(&cfg.calibration, i, angle[i]);
   return s;
 }
 static gv_sample pose_at(gv_pose T) { return (gv_sample){.T_world_receiver = T, .pose_new = true}; }
@@ -32,7 +33,8 @@ static double delay_of_ramp(double speed, double *out_rate) {
   start();
   cfg.hand.angle_max_rad[GV_INDEX_PIJ] = 100.0;
   for (int i = 0; i < 6000; i++) {
-    for (int k = 0; k < GV_SENSORS; k++) angle[k] = 0.1 + speed * i * h * (k == GV_INDEX_PIJ);
+    for (int k = 0; k < GV_SENSORS; k++)
+      angle[k] = 0.1 + speed * i * h * (k == GV_INDEX_PIJ);
     const gv_sample s = glove_at(angle);
     gv_condition_sample(&c, &cfg, &s, &limited);
     gv_condition_step(&c, &cfg);
@@ -49,9 +51,12 @@ static void test_a_ramp_is_delayed_as_stated(void) {
   for (int i = 0; i < 6; i++) {
     double rate;
     const double behind_s = delay_of_ramp(speed[i], &rate);
-    const double stated_s = 1 / (GV_PI * corner_hz(speed[i])) - 0.5 * h;  // a held sample is half a step old on average
-    printf("figure delay at %.2f rad/s: %.1f ms, %.1f mrad behind\n", speed[i], behind_s * 1e3, behind_s * speed[i] * 1e3);
-    CHECK(fabs(behind_s - stated_s) < 0.04 * stated_s, "%g rad/s: %g ms behind, stated %g", speed[i], behind_s * 1e3, stated_s * 1e3);
+    // a held sample is half a step old on average
+    const double stated_s = 1 / (GV_PI * corner_hz(speed[i])) - 0.5 * h;
+    printf("figure delay at %.2f rad/s: %.1f ms, %.1f mrad behind\n", speed[i], behind_s * 1e3,
+           behind_s * speed[i] * 1e3);
+    CHECK(fabs(behind_s - stated_s) < 0.04 * stated_s, "%g rad/s: %g ms behind, stated %g", speed[i],
+          behind_s * 1e3, stated_s * 1e3);
     CHECK_NEAR(rate, speed[i], 0.005 * speed[i]);
     CHECK(speed[i] > 0.6 || behind_s * speed[i] < 1 / (GV_PI * 45.0), "%g rad behind", behind_s * speed[i]);
   }
@@ -69,7 +74,9 @@ static void test_prediction_takes_the_delay_back(void) {
 
 // A reading that flips between two counts of an 8-bit sensor, at 90 Hz: the hand must not follow it.
 static void test_a_sensor_that_flips_between_counts_is_still(void) {
-  double angle[GV_SENSORS] = {0}, least = 1.0, most = -1.0;
+  double angle[GV_SENSORS] = {0};
+  double least = 1.0;
+  double most = -1.0;
   start();
   for (int i = 0; i < 9000; i++) {
     if (i % 11 == 0) {
@@ -78,7 +85,8 @@ static void test_a_sensor_that_flips_between_counts_is_still(void) {
       gv_condition_sample(&c, &cfg, &s, &limited);
     }
     gv_condition_step(&c, &cfg);
-    if (i < 2000) continue;
+    if (i < 2000)
+      continue;
     least = fmin(least, c.angle[GV_INDEX_PIJ]);
     most = fmax(most, c.angle[GV_INDEX_PIJ]);
   }
@@ -97,7 +105,8 @@ static void test_the_gate_is_in_units_a_second(void) {
       s = glove_at(angle);
       const int held = gv_condition_sample(&c, &cfg, &s, &limited);
       CHECK(held == (k == 1 && !slow), "after %d ms: %d held", slow ? 16 : 1, held);
-      for (int ms = 0; ms < (slow ? 16 : 1); ms++) gv_condition_step(&c, &cfg);
+      for (int ms = 0; ms < (slow ? 16 : 1); ms++)
+        gv_condition_step(&c, &cfg);
     }
   }
 }
@@ -105,13 +114,15 @@ static void test_the_gate_is_in_units_a_second(void) {
 static void test_a_pose_turns_the_short_way_and_arrives(void) {
   start();
   cfg.gate_rad_s = 0;
-  gv_pose a = gv_pose_identity(), b = {gv_quat_exp(gv_v3(0.3, -2.6, 0.8)), {0.02, -0.03, 0.01}};
+  gv_pose a = gv_pose_identity();
+  gv_pose b = {gv_quat_exp(gv_v3(0.3, -2.6, 0.8)), {0.02, -0.03, 0.01}};
   gv_sample s = pose_at(a);
   gv_condition_sample(&c, &cfg, &s, &limited);
   b.q = (gv_quat){-b.q.w, -b.q.x, -b.q.y, -b.q.z};  // the same rotation
   s = pose_at(b);
   gv_condition_sample(&c, &cfg, &s, &limited);
-  for (int i = 0; i < 4000; i++) gv_condition_step(&c, &cfg);
+  for (int i = 0; i < 4000; i++)
+    gv_condition_step(&c, &cfg);
   CHECK(gv_norm(gv_quat_log(gv_quat_mul(c.wrist.q, gv_quat_conj(b.q)))) < 1e-9, "orientation arrives");
   CHECK(gv_norm(gv_sub(c.wrist.p, b.p)) < 1e-9, "position arrives");
 }
@@ -119,17 +130,22 @@ static void test_a_pose_turns_the_short_way_and_arrives(void) {
 static void test_single_jumps_leave_no_mark(void) {
   start();
   double angle[GV_SENSORS];
-  for (int k = 0; k < GV_SENSORS; k++) angle[k] = 0.1;
+  for (int k = 0; k < GV_SENSORS; k++)
+    angle[k] = 0.1;
   gv_pose T = gv_pose_identity();
   int held = 0;
   for (int i = 0; i < 500; i++) {
     double sent[GV_SENSORS];
     memcpy(sent, angle, sizeof sent);
     gv_pose P = T;
-    if (i % 50 == 7) sent[GV_RING_PIJ] += 0.49;
-    if (i % 50 == 9) P.p.x += 0.3;
-    if (i % 50 == 11) P.q = gv_quat_exp(gv_v3(0, 0, 0.5));
-    gv_sample g = glove_at(sent), p = pose_at(P);
+    if (i % 50 == 7)
+      sent[GV_RING_PIJ] += 0.49;
+    if (i % 50 == 9)
+      P.p.x += 0.3;
+    if (i % 50 == 11)
+      P.q = gv_quat_exp(gv_v3(0, 0, 0.5));
+    gv_sample g = glove_at(sent);
+    gv_sample p = pose_at(P);
     held += gv_condition_sample(&c, &cfg, &g, &limited) + gv_condition_sample(&c, &cfg, &p, &limited);
     gv_condition_step(&c, &cfg);
     CHECK_NEAR(c.angle[GV_RING_PIJ], 0.1, 1e-12);
@@ -142,7 +158,8 @@ static void test_a_true_jump_passes_at_the_second_sample(void) {
   start();
   double angle[GV_SENSORS] = {0};
   for (int i = 0; i < 300; i++) {
-    for (int k = 0; k < GV_SENSORS; k++) angle[k] = i < 10 ? 0.1 : 0.7 * (k == GV_INDEX_MPJ) + 0.1;
+    for (int k = 0; k < GV_SENSORS; k++)
+      angle[k] = i < 10 ? 0.1 : 0.7 * (k == GV_INDEX_MPJ) + 0.1;
     gv_sample s = glove_at(angle);
     int held = gv_condition_sample(&c, &cfg, &s, &limited);
     CHECK(held == (i == 10), "sample %d: %d held", i, held);
@@ -166,19 +183,23 @@ enum { ROWS = 4000, COLUMNS = 40 };
 static double row[ROWS][COLUMNS];
 
 // Columns of the recordings that play 16 of the sensors; the rest stay at zero.
-static const int sensor_of[] = {GV_INDEX_MPJ, GV_INDEX_PIJ, GV_INDEX_DIJ, GV_MIDDLE_MPJ, GV_MIDDLE_PIJ, GV_MIDDLE_DIJ,
-                                GV_RING_MPJ, GV_RING_PIJ, GV_RING_DIJ, GV_LITTLE_MPJ, GV_LITTLE_PIJ, GV_LITTLE_DIJ};
+static const int sensor_of[] = {GV_INDEX_MPJ,  GV_INDEX_PIJ,  GV_INDEX_DIJ,  GV_MIDDLE_MPJ,
+                                GV_MIDDLE_PIJ, GV_MIDDLE_DIJ, GV_RING_MPJ,   GV_RING_PIJ,
+                                GV_RING_DIJ,   GV_LITTLE_MPJ, GV_LITTLE_PIJ, GV_LITTLE_DIJ};
 static const int column_of[] = {6, 7, 8, 10, 11, 12, 14, 15, 16, 19, 20, 21};
 
 static int read_recording(const char *path) {
   FILE *f = fopen(path, "r");
-  if (!f) return 0;
+  if (!f)
+    return 0;
   char line[1024];
   int rows = 0;
-  if (!fgets(line, sizeof line, f)) rows = -1;
+  if (!fgets(line, sizeof line, f))
+    rows = -1;
   while (rows >= 0 && rows < ROWS && fgets(line, sizeof line, f)) {
     int k = 0;
-    for (char *at = strtok(line, ","); at && k < COLUMNS; at = strtok(NULL, ",")) row[rows][k++] = atof(at);
+    for (char *at = strtok(line, ","); at && k < COLUMNS; at = strtok(NULL, ","))
+      row[rows][k++] = atof(at);
     rows++;
   }
   fclose(f);
@@ -188,37 +209,47 @@ static int read_recording(const char *path) {
 static double truth(int rows, int k, double t_s) {
   double x = t_s * 100.0;
   int i = (int)x;
-  if (i >= rows - 1) return row[rows - 1][column_of[k]];
+  if (i >= rows - 1)
+    return row[rows - 1][column_of[k]];
   double v = row[i][column_of[k]] + (x - i) * (row[i + 1][column_of[k]] - row[i][column_of[k]]);
   return gv_clamp(v, cfg.hand.angle_min_rad[sensor_of[k]], cfg.hand.angle_max_rad[sensor_of[k]]);
 }
 
-typedef struct figures { double delay_ms, error_rad, step_n, step_raw_n; int held, jumps, samples; } figures;
+typedef struct figures {
+  double delay_ms, error_rad, step_n, step_raw_n;
+  int held, jumps, samples;
+} figures;
 static double history[100][GV_SENSORS];
 
-// The recording through a glove of 90 Hz, 8 bits, 44 % equal samples and 1 % jumps; the force step is that of a
-// 200 N/m coupling at the index fingertip of a hand held fast.
+// The recording through a glove of 90 Hz, 8 bits, 44 % equal samples and 1 % jumps; the force step is that
+// of a 200 N/m coupling at the index fingertip of a hand held fast.
 static figures run(int rows, double filter_hz) {
   figures f = {0};
   start();
   cfg.filter_hz = filter_hz;
-  if (!(filter_hz > 0)) cfg.gate_rad_s = 0;
+  if (!(filter_hz > 0))
+    cfg.gate_rad_s = 0;
   gv_condition_init(&c, &cfg);
   gv_sample pose = pose_at(gv_pose_identity());
   gv_condition_sample(&c, &cfg, &pose, &limited);
   unsigned long long r = 5;
-  double sent[GV_SENSORS] = {0}, lag2[60] = {0}, squares = 0, next_s = 0;
+  double sent[GV_SENSORS] = {0};
+  double lag2[60] = {0};
+  double squares = 0;
+  double next_s = 0;
   gv_vec3 last = {0, 0, 0};
   int steps = (rows - 1) * 10;
   for (int i = 0; i < steps; i++) {
     if (i * h >= next_s) {
       next_s += 1 / 90.0;
       if (check_uniform(&r, 0, 1) > 0.44 || i == 0)
-        for (int k = 0; k < 12; k++) sent[sensor_of[k]] = 0.0165 * floor(truth(rows, k, i * h) / 0.0165 + 0.5);
+        for (int k = 0; k < 12; k++)
+          sent[sensor_of[k]] = 0.0165 * floor(truth(rows, k, i * h) / 0.0165 + 0.5);
       double out[GV_SENSORS];
       memcpy(out, sent, sizeof out);
       bool jump = i > 0 && check_uniform(&r, 0, 1) < 0.01;
-      if (jump) out[sensor_of[(int)check_uniform(&r, 0, 12)]] += 0.49;
+      if (jump)
+        out[sensor_of[(int)check_uniform(&r, 0, 12)]] += 0.49;
       gv_sample s = glove_at(out);
       f.held += gv_condition_sample(&c, &cfg, &s, &limited);
       f.jumps += jump, f.samples++;
@@ -232,11 +263,14 @@ static figures run(int rows, double filter_hz) {
       }
     gv_pose wrist = gv_pose_identity(), T[GV_LIMBS];
     gv_hand_frames(&cfg.hand, &wrist, c.angle, T);
-    if (i > 0) squares += gv_norm2(gv_scale(gv_sub(T[GV_LIMB_INDEX + 2].p, last), 200.0));
+    if (i > 0)
+      squares += gv_norm2(gv_scale(gv_sub(T[GV_LIMB_INDEX + 2].p, last), 200.0));
     last = T[GV_LIMB_INDEX + 2].p;
   }
   int best = 0;
-  for (int lag = 1; lag < 60; lag++) if (lag2[lag] < lag2[best]) best = lag;
+  for (int lag = 1; lag < 60; lag++)
+    if (lag2[lag] < lag2[best])
+      best = lag;
   f.delay_ms = best;
   f.error_rad = sqrt(lag2[best] / (12.0 * (steps - 60)));
   f.step_n = sqrt(squares / steps);
@@ -245,15 +279,22 @@ static figures run(int rows, double filter_hz) {
 
 static void test_recorded_hands(void) {
   int rows = read_recording("../shared/data/teleop_door/door_demo_00.csv");
-  if (rows < 100) { SKIP("needs recordings of real hands, which are not part of this repository (looked for in ../shared/data)"); return; }
-  figures raw = run(rows, 0), filtered = run(rows, 30);
-  printf("  recorded hand, 90 Hz 8-bit glove: held %.1f ms behind, error %.4f rad, %.4f N rms a step as it comes;\n"
+  if (rows < 100) {
+    SKIP("needs recordings of real hands, which are not part of this repository (looked for in "
+         "../shared/data)");
+    return;
+  }
+  figures raw = run(rows, 0);
+  figures filtered = run(rows, 30);
+  printf("  recorded hand, 90 Hz 8-bit glove: held %.1f ms behind, error %.4f rad, %.4f N rms a step as it "
+         "comes;\n"
          "  filtered: %.1f ms, %.4f rad, %.4f N rms; %d of %d samples had a jump, %d readings held back\n",
-         raw.delay_ms, raw.error_rad, raw.step_n, filtered.delay_ms, filtered.error_rad, filtered.step_n, filtered.jumps,
-         filtered.samples, filtered.held);
+         raw.delay_ms, raw.error_rad, raw.step_n, filtered.delay_ms, filtered.error_rad, filtered.step_n,
+         filtered.jumps, filtered.samples, filtered.held);
   CHECK(filtered.delay_ms - raw.delay_ms <= 15, "the filter adds %g ms", filtered.delay_ms - raw.delay_ms);
   CHECK(filtered.step_n < 0.25 * raw.step_n, "force steps %g against %g N", filtered.step_n, raw.step_n);
-  CHECK(filtered.held >= filtered.jumps && filtered.held <= filtered.jumps + filtered.samples / 50, "%d held, %d jumps", filtered.held, filtered.jumps);
+  CHECK(filtered.held >= filtered.jumps && filtered.held <= filtered.jumps + filtered.samples / 50,
+        "%d held, %d jumps", filtered.held, filtered.jumps);
 }
 
 int main(void) {

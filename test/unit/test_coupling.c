@@ -1,20 +1,22 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// Rotational coupling (Eqn 2 to 4) by its properties, against rotations built here: the torque turns the limb towards its
-// driver and nowhere else, damping takes energy, both laws have the stiffness that they promise, and a person feels the
-// opposite of what acts on the limb.
+// Rotational coupling (Eqn 2 to 4) by its properties, against rotations built here: the torque turns the
+// limb towards its driver and nowhere else, damping takes energy, both laws have the stiffness that they
+// promise, and a person feels the opposite of what acts on the limb.
 #include "hand/coupling.h"
 #include "support/check.h"
 
 static const double h = 0.001, inertia = 2e-6;
 
 static gv_vec3 random_vector(unsigned long long *random, double size) {
-  return gv_v3(check_uniform(random, -size, size), check_uniform(random, -size, size), check_uniform(random, -size, size));
+  return gv_v3(check_uniform(random, -size, size), check_uniform(random, -size, size),
+               check_uniform(random, -size, size));
 }
 
 static gv_vec3 random_axis(unsigned long long *random) {
   for (;;) {
     const gv_vec3 v = random_vector(random, 1.0);
-    if (gv_norm(v) > 0.2 && gv_norm(v) < 1.0) return gv_scale(v, 1.0 / gv_norm(v));
+    if (gv_norm(v) > 0.2 && gv_norm(v) < 1.0)
+      return gv_scale(v, 1.0 / gv_norm(v));
   }
 }
 
@@ -34,11 +36,16 @@ static gv_vec3 torque_on(const gv_spring *one, const gv_body_state *sim, const g
     b[i] = *driver;
   }
   gv_springs_apply(spring, a, b, f, t);
-  for (int i = 1; i < GV_LIMBS; i++) CHECK(gv_norm(gv_sub(t[i], t[0])) == 0.0, "limb %d differs", i);
+  for (int i = 1; i < GV_LIMBS; i++)
+    CHECK(gv_norm(gv_sub(t[i], t[0])) == 0.0, "limb %d differs", i);
   return t[0];
 }
 
-typedef struct turn { gv_body_state sim, driver; gv_vec3 axis; double angle; } turn;
+typedef struct turn {
+  gv_body_state sim, driver;
+  gv_vec3 axis;
+  double angle;
+} turn;
 
 static turn random_turn(unsigned long long *random, double most) {
   turn out = {.axis = random_axis(random), .angle = check_uniform(random, 0.001, most)};
@@ -55,10 +62,14 @@ static void test_torque_turns_the_limb_towards_its_driver(void) {
   for (int i = 0; i < 2000; i++) {
     const turn x = random_turn(&random, 3.1);
     const double k_t = check_uniform(&random, 0.01, 5.0);
-    const gv_spring log_law = spring_of(GV_ROTATION_LOG, k_t, 0.0), paper = spring_of(GV_ROTATION_PAPER, k_t, 0.0);
-    const gv_vec3 by_log = torque_on(&log_law, &x.sim, &x.driver), by_paper = torque_on(&paper, &x.sim, &x.driver);
-    CHECK(gv_norm(gv_sub(by_log, gv_scale(x.axis, k_t * x.angle))) < 1e-9 * k_t, "log law at %g rad", x.angle);
-    CHECK(gv_norm(gv_sub(by_paper, gv_scale(x.axis, 2.0 * k_t * sin(x.angle)))) < 1e-9 * k_t, "paper's law at %g rad", x.angle);
+    const gv_spring log_law = spring_of(GV_ROTATION_LOG, k_t, 0.0);
+    const gv_spring paper = spring_of(GV_ROTATION_PAPER, k_t, 0.0);
+    const gv_vec3 by_log = torque_on(&log_law, &x.sim, &x.driver);
+    const gv_vec3 by_paper = torque_on(&paper, &x.sim, &x.driver);
+    CHECK(gv_norm(gv_sub(by_log, gv_scale(x.axis, k_t * x.angle))) < 1e-9 * k_t, "log law at %g rad",
+          x.angle);
+    CHECK(gv_norm(gv_sub(by_paper, gv_scale(x.axis, 2.0 * k_t * sin(x.angle)))) < 1e-9 * k_t,
+          "paper's law at %g rad", x.angle);
   }
 }
 
@@ -69,7 +80,8 @@ static void test_no_turn_is_no_torque(void) {
     x.driver = x.sim;
     x.driver.T.q = (gv_quat){-x.sim.T.q.w, -x.sim.T.q.x, -x.sim.T.q.y, -x.sim.T.q.z};  // the same rotation
     const gv_spring spring = spring_of(GV_ROTATION_LOG, 1.0, -1.0);
-    CHECK(gv_norm(torque_on(&spring, &x.sim, &x.driver)) < 1e-9, "%g N m", gv_norm(torque_on(&spring, &x.sim, &x.driver)));
+    CHECK(gv_norm(torque_on(&spring, &x.sim, &x.driver)) < 1e-9, "%g N m",
+          gv_norm(torque_on(&spring, &x.sim, &x.driver)));
   }
 }
 
@@ -81,14 +93,17 @@ static void test_damping_takes_energy(void) {
     x.driver = x.sim;
     x.sim.w = random_vector(&random, 30.0);
     x.driver.w = random_vector(&random, 30.0);
-    const double k_t = 0.48, d_t = check_uniform(&random, 0.0, 0.01);
+    const double k_t = 0.48;
+    const double d_t = check_uniform(&random, 0.0, 0.01);
     const gv_spring spring = spring_of(GV_ROTATION_LOG, k_t, d_t);
-    const gv_vec3 relative = gv_sub(x.sim.w, x.driver.w), t = torque_on(&spring, &x.sim, &x.driver);
+    const gv_vec3 relative = gv_sub(x.sim.w, x.driver.w);
+    const gv_vec3 t = torque_on(&spring, &x.sim, &x.driver);
     CHECK(gv_norm(gv_sub(t, gv_scale(relative, -(d_t + h * k_t)))) < 1e-12, "damping %g", d_t);
   }
 }
 
-// The limb alone, with the augmented inertia: from any turn it comes to rest on its driver, and its energy only falls.
+// The limb alone, with the augmented inertia: from any turn it comes to rest on its
+// driver, and its energy only falls.
 static void test_a_turned_limb_comes_to_rest_on_its_driver(void) {
   unsigned long long random = 6;
   for (int law = GV_ROTATION_LOG; law <= GV_ROTATION_PAPER; law++)
@@ -108,7 +123,8 @@ static void test_a_turned_limb_comes_to_rest_on_its_driver(void) {
     }
 }
 
-// Felt at the end of a step, with the driver where it moved on to: minus spring, minus damper, without the implicit part.
+// Felt at the end of a step, with the driver where it moved on to: minus spring, minus
+// damper, without the implicit part.
 static void test_a_person_feels_the_opposite(void) {
   unsigned long long random = 7;
   for (int i = 0; i < 200; i++) {
@@ -118,7 +134,8 @@ static void test_a_person_feels_the_opposite(void) {
     gv_body_state sim[GV_LIMBS], driver[GV_LIMBS];
     gv_pose ahead[GV_LIMBS];
     gv_vec3 f[GV_LIMBS], t[GV_LIMBS];
-    const gv_vec3 w_sim = random_vector(&random, 10.0), w_driver = random_vector(&random, 10.0);
+    const gv_vec3 w_sim = random_vector(&random, 10.0);
+    const gv_vec3 w_driver = random_vector(&random, 10.0);
     for (int l = 0; l < GV_LIMBS; l++) {
       spring[l] = one;
       sim[l] = x.sim;

@@ -25,46 +25,46 @@ typedef struct file {
 #define ROUTE "Iface\tDestination\tGateway\tFlags\tRefCnt\tUse\tMetric\tMask\tMTU\tWindow\tIRTT\n"
 
 static const file good[] = {
-    {"/proc/version", "Linux version 6.1.0-rt9 (gcc) #1 SMP PREEMPT_RT Debian\n"},
-    {"/sys/kernel/realtime", "1\n"},
-    {"/proc/self/status", "Name:\tgloved\nCapEff:\t0000000000000000\nSeccomp:\t0\n"},
-    {"/proc/self/limits", "Limit                     Soft Limit           Hard Limit           Units     \n"
-                          "Max locked memory         1000000000           1000000000           bytes     \n"
-                          "Max realtime priority     95                   95                   \n"},
-    {"/proc/self/cgroup", "3:cpuset:/\n1:cpu:/old\n0::/user.slice/one\n"},
-    {"/sys/fs/cgroup/user.slice/one/cpu.max", "max 100000\n"},
-    {"/sys/fs/cgroup/user.slice/cpu.max", "max 100000\n"},
-    {"/sys/fs/cgroup/cpu/old/cpu.cfs_quota_us", "-1\n"},
-    {"/sys/fs/cgroup/cpu/old/cpu.cfs_period_us", "100000\n"},
-    {"/proc/sys/kernel/sched_rt_runtime_us", "950000\n"},
-    {"/proc/sys/kernel/sched_rt_period_us", "1000000\n"},
-    {"/sys/devices/system/cpu/online", "0-3\n"},
-    {CPU("0") "cpufreq/scaling_governor", "performance\n"},
-    {CPU("3") "cpufreq/scaling_governor", "performance\n"},
-    {CPU("3") "cpufreq/scaling_driver", "acpi-cpufreq\n"},
-    {CPU("3") "cpuidle/state0/latency", "0\n"},
-    {CPU("3") "cpuidle/state1/latency", "133\n"},
-    {CPU("3") "cpuidle/state1/name", "C6\n"},
-    {CPU("3") "cpuidle/state1/disable", "0\n"},
-    {"/dev/cpu_dma_latency", ""},
-    {"/sys/devices/system/clocksource/clocksource0/current_clocksource", "tsc\n"},
-    {"/sys/devices/system/clocksource/clocksource0/available_clocksource", "tsc hpet acpi_pm \n"},
-    {"/proc/irq/24/effective_affinity_list", "0-1\n"},
-    {"/proc/irq/25/effective_affinity_list", "\n"},
-    {"/proc/irq/25/smp_affinity_list", "0,2\n"},
-    {"/proc/cpuinfo",
-     "processor\t: 0\nmodel name\t: Intel(R) Core(TM) i7\nflags\t\t: fpu vme\nbugs\t\t: hypervisor\n"},
-    {"/proc/sys/kernel/seccomp/actions_avail", "kill_process kill_thread trap errno\n"},
-    {"/sys/class/net/can0/mtu", "72\n"},
-    {"/sys/class/net/can0/flags", "0x40c1\n"},
-    {"/sys/class/net/can0/tx_queue_len", "10\n"},
-    {"/sys/class/net/can0/operstate", "up\n"},
-    {"/proc/net/route", ROUTE "eth0\t00000000\t010200C0\t0003\t0\t0\t0\t00000000\t0\t0\t0\nlo\t000000E0\t0000"
-                              "0000\t0001\t0\t0\t0\t000000F0\t0\t0\t0\n"},
-    {"/sys/class/net/lo/flags", "0x1009\n"},
-    {"/sys/class/net/eth0/flags", "0x3\n"},
-    {"/proc/sys/net/core/rmem_max", "2097152\n"},
-    {"/sys/bus/usb-serial/devices/ttyUSB0/latency_timer", "1\n"},
+  {"/proc/version", "Linux version 6.1.0-rt9 (gcc) #1 SMP PREEMPT_RT Debian\n"},
+  {"/sys/kernel/realtime", "1\n"},
+  {"/proc/self/status", "Name:\tgloved\nCapEff:\t0000000000000000\nSeccomp:\t0\n"},
+  {"/proc/self/limits", "Limit                     Soft Limit           Hard Limit           Units     \n"
+                        "Max locked memory         1000000000           1000000000           bytes     \n"
+                        "Max realtime priority     95                   95                   \n"},
+  {"/proc/self/cgroup", "3:cpuset:/\n1:cpu:/old\n0::/user.slice/one\n"},
+  {"/sys/fs/cgroup/user.slice/one/cpu.max", "max 100000\n"},
+  {"/sys/fs/cgroup/user.slice/cpu.max", "max 100000\n"},
+  {"/sys/fs/cgroup/cpu/old/cpu.cfs_quota_us", "-1\n"},
+  {"/sys/fs/cgroup/cpu/old/cpu.cfs_period_us", "100000\n"},
+  {"/proc/sys/kernel/sched_rt_runtime_us", "950000\n"},
+  {"/proc/sys/kernel/sched_rt_period_us", "1000000\n"},
+  {"/sys/devices/system/cpu/online", "0-3\n"},
+  {CPU("0") "cpufreq/scaling_governor", "performance\n"},
+  {CPU("3") "cpufreq/scaling_governor", "performance\n"},
+  {CPU("3") "cpufreq/scaling_driver", "acpi-cpufreq\n"},
+  {CPU("3") "cpuidle/state0/latency", "0\n"},
+  {CPU("3") "cpuidle/state1/latency", "133\n"},
+  {CPU("3") "cpuidle/state1/name", "C6\n"},
+  {CPU("3") "cpuidle/state1/disable", "0\n"},
+  {"/dev/cpu_dma_latency", ""},
+  {"/sys/devices/system/clocksource/clocksource0/current_clocksource", "tsc\n"},
+  {"/sys/devices/system/clocksource/clocksource0/available_clocksource", "tsc hpet acpi_pm \n"},
+  {"/proc/irq/24/effective_affinity_list", "0-1\n"},
+  {"/proc/irq/25/effective_affinity_list", "\n"},
+  {"/proc/irq/25/smp_affinity_list", "0,2\n"},
+  {"/proc/cpuinfo",
+   "processor\t: 0\nmodel name\t: Intel(R) Core(TM) i7\nflags\t\t: fpu vme\nbugs\t\t: hypervisor\n"},
+  {"/proc/sys/kernel/seccomp/actions_avail", "kill_process kill_thread trap errno\n"},
+  {"/sys/class/net/can0/mtu", "72\n"},
+  {"/sys/class/net/can0/flags", "0x40c1\n"},
+  {"/sys/class/net/can0/tx_queue_len", "10\n"},
+  {"/sys/class/net/can0/operstate", "up\n"},
+  {"/proc/net/route", ROUTE "eth0\t00000000\t010200C0\t0003\t0\t0\t0\t00000000\t0\t0\t0\nlo\t000000E0\t0000"
+                            "0000\t0001\t0\t0\t0\t000000F0\t0\t0\t0\n"},
+  {"/sys/class/net/lo/flags", "0x1009\n"},
+  {"/sys/class/net/eth0/flags", "0x3\n"},
+  {"/proc/sys/net/core/rmem_max", "2097152\n"},
+  {"/sys/bus/usb-serial/devices/ttyUSB0/latency_timer", "1\n"},
 };
 
 // Writes the file below the root; no text: removes it.
@@ -86,12 +86,14 @@ static void put_file(const char *path, const char *text) {
 
 static const char *good_text(const char *path) {
   for (size_t i = 0; i < sizeof good / sizeof *good; i++)
-    if (strcmp(good[i].path, path) == 0) return good[i].text;
+    if (strcmp(good[i].path, path) == 0)
+      return good[i].text;
   return NULL;
 }
 
 static void make_good_machine(void) {
-  for (size_t i = 0; i < sizeof good / sizeof *good; i++) put_file(good[i].path, good[i].text);
+  for (size_t i = 0; i < sizeof good / sizeof *good; i++)
+    put_file(good[i].path, good[i].text);
   gv_settings_default(&settings);
   snprintf(settings.fcu, sizeof settings.fcu, "can:can0");
   snprintf(settings.tracker, sizeof settings.tracker, "serial:/dev/ttyUSB0?type=fastrak");
@@ -122,7 +124,8 @@ static void change(const char *check, gv_verdict verdict, const char *path, cons
   put_file(path, text);
   check_machine(check, verdict, why);
   const char *before = good_text(path);
-  if (before || text) put_file(path, before);
+  if (before || text)
+    put_file(path, before);
 }
 
 static void warns(const char *check, const char *path, const char *text) {
@@ -140,7 +143,7 @@ static void passes(const char *check, const char *path, const char *text) {
 static void test_a_good_machine_passes(void) { check_machine("kernel", GV_VERDICT_PASS, "good"); }
 
 static void test_kernel(void) {
-  passes("kernel", "/sys/kernel/realtime", NULL); // /proc/version says it too
+  passes("kernel", "/sys/kernel/realtime", NULL);  // /proc/version says it too
   put_file("/sys/kernel/realtime", NULL);
   warns("kernel", "/proc/version", "Linux version 6.1.0 #1 SMP PREEMPT_DYNAMIC Debian\n");
   fails("kernel", "/proc/version", "Linux version 6.1.0 #1 SMP Debian\n");
@@ -183,7 +186,7 @@ static void test_locked_memory(void) {
 static void test_cpu_budget(void) {
   warns("CPU budget", "/sys/fs/cgroup/user.slice/one/cpu.max", "150000 100000\n");
   fails("CPU budget", "/sys/fs/cgroup/user.slice/one/cpu.max", "50000 100000\n");
-  fails("CPU budget", "/sys/fs/cgroup/user.slice/cpu.max", "20000 100000\n"); // of a group above
+  fails("CPU budget", "/sys/fs/cgroup/user.slice/cpu.max", "20000 100000\n");  // of a group above
   warns("CPU budget", "/sys/fs/cgroup/cpu/old/cpu.cfs_quota_us", "200000\n");
   fails("CPU budget", "/sys/fs/cgroup/cpu/old/cpu.cfs_quota_us", "50000\n");
 }
@@ -258,7 +261,7 @@ static void test_lcm_route(void) {
   fails("LCM route", "/proc/net/route", ROUTE);
   fails("LCM route", "/proc/net/route", ROUTE "eth0\t000200C0\t00000000\t0001\t0\t0\t0\t00FFFFFF\t0\t0\t0\n");
   fails("LCM route", "/proc/net/route",
-        ROUTE "lo\t000000E0\t00000000\t0000\t0\t0\t0\t000000F0\t0\t0\t0\n"); // not up
+        ROUTE "lo\t000000E0\t00000000\t0000\t0\t0\t0\t000000F0\t0\t0\t0\n");  // not up
   // The narrower route counts, whatever their order.
   passes("LCM route", "/proc/net/route",
          ROUTE "lo\t000000E0\t00000000\t0001\t0\t0\t0\t000000F0\t0\t0\t0\n"
@@ -275,7 +278,7 @@ static void test_socket_buffers(void) {
 static void test_serial_lines(void) {
   warns("serial lines", "/sys/bus/usb-serial/devices/ttyUSB0/latency_timer", "4\n");
   fails("serial lines", "/sys/bus/usb-serial/devices/ttyUSB0/latency_timer", "16\n");
-  warns("serial lines", "/sys/bus/usb-serial/devices/ttyUSB1/latency_timer", "16\n"); // of somebody else
+  warns("serial lines", "/sys/bus/usb-serial/devices/ttyUSB1/latency_timer", "16\n");  // of somebody else
   passes("serial lines", "/sys/bus/usb-serial/devices/ttyUSB0/latency_timer", NULL);
 }
 
@@ -324,7 +327,8 @@ static int remove_one(const char *path, const struct stat *status, int kind, str
 }
 
 int main(void) {
-  if (!mkdtemp(root)) return 1;
+  if (!mkdtemp(root))
+    return 1;
   make_good_machine();
   RUN(test_a_good_machine_passes);
   RUN(test_kernel);

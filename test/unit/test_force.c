@@ -17,16 +17,22 @@ static void test_limiter_never_breaks_its_promises(void) {
   double last[GV_FINGERS] = {0}, out[GV_FINGERS];
   for (int i = 0; i < 200000; i++) {
     double want[GV_FINGERS];
-    for (int f = 0; f < GV_FINGERS; f++) want[f] = check_uniform(&r, -20, 40);
-    double odd = check_uniform(&r, 0, 1), age = check_uniform(&r, 0, 1) < 0.02 ? 1.0 : 0.01;
-    if (odd < 0.01) want[2] = NAN;
-    else if (odd < 0.02) want[4] = INFINITY;
-    else if (odd < 0.03) age = NAN;
+    for (int f = 0; f < GV_FINGERS; f++)
+      want[f] = check_uniform(&r, -20, 40);
+    double odd = check_uniform(&r, 0, 1);
+    double age = check_uniform(&r, 0, 1) < 0.02 ? 1.0 : 0.01;
+    if (odd < 0.01)
+      want[2] = NAN;
+    else if (odd < 0.02)
+      want[4] = INFINITY;
+    else if (odd < 0.03)
+      age = NAN;
     unsigned flags = gv_limiter_step(&l, want, check_uniform(&r, 0, 1) < 0.98, age, dt, out);
     for (int f = 0; f < GV_FINGERS; f++) {
       CHECK(out[f] >= 0 && out[f] <= cfg.max_n, "step %d: %g N", i, out[f]);
       CHECK(out[f] <= last[f] + cfg.slew_n_per_s * dt + 1e-12, "step %d rises by %g N", i, out[f] - last[f]);
-      if (flags & (GV_LIMITER_AGE | GV_LIMITER_NOT_FINITE | GV_LIMITER_DISABLED)) CHECK(out[f] <= last[f], "doubt, but the force rises");
+      if (flags & (GV_LIMITER_AGE | GV_LIMITER_NOT_FINITE | GV_LIMITER_DISABLED))
+        CHECK(out[f] <= last[f], "doubt, but the force rises");
       last[f] = out[f];
     }
   }
@@ -40,32 +46,45 @@ static void test_each_channel_has_its_own_limits(void) {
   gv_limiter_init(&l, &cfg);
   const double want[GV_FINGERS] = {0, 0.1, 5, 5, 50};
   double out[GV_FINGERS];
-  for (int i = 0; i < 100; i++) gv_limiter_step(&l, want, true, 0, dt, out);
+  for (int i = 0; i < 100; i++)
+    gv_limiter_step(&l, want, true, 0, dt, out);
   const double expect[GV_FINGERS] = {0.15, 0.15, 5, 2, 12};
-  for (int f = 0; f < GV_FINGERS; f++) CHECK_NEAR(out[f], expect[f], 1e-12);
-  for (int i = 0; i < 20; i++) gv_limiter_step(&l, want, false, 0, dt, out);
-  for (int f = 0; f < GV_FINGERS; f++) CHECK(out[f] == 0, "no pretension while forces may not leave");
+  for (int f = 0; f < GV_FINGERS; f++)
+    CHECK_NEAR(out[f], expect[f], 1e-12);
+  for (int i = 0; i < 20; i++)
+    gv_limiter_step(&l, want, false, 0, dt, out);
+  for (int f = 0; f < GV_FINGERS; f++)
+    CHECK(out[f] == 0, "no pretension while forces may not leave");
 }
 
 static void test_any_doubt_is_zero_within_the_ramp(void) {
-  const double want[GV_FINGERS] = {20, 20, 20, 20, 20}, broken[GV_FINGERS] = {1, NAN, 1, 1, 1};
+  const double want[GV_FINGERS] = {20, 20, 20, 20, 20};
+  const double broken[GV_FINGERS] = {1, NAN, 1, 1, 1};
   for (int cause = 0; cause < 4; cause++) {
     gv_limiter l;
     gv_limiter_config cfg = gv_limiter_config_default();
     gv_limiter_init(&l, &cfg);
     double out[GV_FINGERS];
-    for (int i = 0; i < 200; i++) gv_limiter_step(&l, want, true, 0, dt, out);
+    for (int i = 0; i < 200; i++)
+      gv_limiter_step(&l, want, true, 0, dt, out);
     CHECK_NEAR(out[0], cfg.max_n, 1e-12);
     int steps = 0;
     while (out[0] > 0 && steps < 1000) {
-      gv_limiter_step(&l, cause == 0 ? broken : want, cause != 1, cause == 2 ? 1.0 : cause == 3 ? -1.0 : 0, dt, out);
+      gv_limiter_step(&l, cause == 0 ? broken : want, cause != 1,
+                      cause == 2   ? 1.0
+                      : cause == 3 ? -1.0
+                                   : 0,
+                      dt, out);
       steps++;
     }
     CHECK(steps <= (int)(cfg.ramp_s / dt) + 1, "cause %d: %d ms to zero", cause, steps);
   }
 }
 
-typedef struct machine { gv_safety s; gv_safety_input in; } machine;
+typedef struct machine {
+  gv_safety s;
+  gv_safety_input in;
+} machine;
 static machine fresh_machine(void) {
   gv_safety_config cfg = gv_safety_config_default();
   machine m = {.in = {.finite = true}};
@@ -78,7 +97,8 @@ static machine active_machine(void) {
   machine m = fresh_machine();
   go(&m);
   devices(&m, true);
-  go(&m); go(&m);
+  go(&m);
+  go(&m);
   m.in.dead_man = true;
   go(&m);
   m.in.desired_max_n = 3;
@@ -108,8 +128,10 @@ static void test_a_switch_held_at_start_does_not_arm(void) {
   machine m = fresh_machine();
   m.in.dead_man = true;
   devices(&m, true);
-  for (int i = 0; i < 100; i++) CHECK(!gv_safety_lets_force_out(&m.s) && go(&m) != GV_SAFETY_ARMED, "step %d", i);
-  m.in.dead_man = false; go(&m);
+  for (int i = 0; i < 100; i++)
+    CHECK(!gv_safety_lets_force_out(&m.s) && go(&m) != GV_SAFETY_ARMED, "step %d", i);
+  m.in.dead_man = false;
+  go(&m);
   m.in.dead_man = true;
   CHECK(go(&m) == GV_SAFETY_ARMED, "arms after it was let go");
 }
@@ -119,17 +141,27 @@ static void test_every_fault_stops_the_force(void) {
   for (int f = 0; f < 6; f++) {
     machine m = active_machine();
     CHECK(m.s.state == GV_SAFETY_ACTIVE, "active before");
-    if (f == 0) m.in.glove_age_s = 0.06;
-    if (f == 1) m.in.tracker_age_s = NAN;
-    if (f == 2) m.in.bad_frames = 20;
-    if (f == 3) m.in.finite = false;
-    if (f == 4) m.in.overruns = 30;
-    if (f == 5) m.in.device_fault = true;
-    CHECK(go(&m) == GV_SAFETY_FAULT && m.s.faults == 1u << f, "%s: state %s, faults %x", name[f], gv_safety_name(m.s.state), m.s.faults);
+    if (f == 0)
+      m.in.glove_age_s = 0.06;
+    if (f == 1)
+      m.in.tracker_age_s = NAN;
+    if (f == 2)
+      m.in.bad_frames = 20;
+    if (f == 3)
+      m.in.finite = false;
+    if (f == 4)
+      m.in.overruns = 30;
+    if (f == 5)
+      m.in.device_fault = true;
+    CHECK(go(&m) == GV_SAFETY_FAULT && m.s.faults == 1u << f, "%s: state %s, faults %x", name[f],
+          gv_safety_name(m.s.state), m.s.faults);
     // All well again, but the switch still held: no force. Let go, and it may be armed anew.
     m.in = (gv_safety_input){.glove_seen = true, .tracker_seen = true, .finite = true, .dead_man = true};
-    for (int i = 0; i < 1000; i++) CHECK(go(&m) == GV_SAFETY_FAULT, "%s: stays until the switch is let go", name[f]);
-    m.in.dead_man = false; go(&m); go(&m);
+    for (int i = 0; i < 1000; i++)
+      CHECK(go(&m) == GV_SAFETY_FAULT, "%s: stays until the switch is let go", name[f]);
+    m.in.dead_man = false;
+    go(&m);
+    go(&m);
     CHECK(go(&m) == GV_SAFETY_READY, "%s: back to ready, not further", name[f]);
     m.in.dead_man = true;
     CHECK(go(&m) == GV_SAFETY_ARMED, "%s: a person arms", name[f]);
@@ -144,13 +176,16 @@ static void test_repeated_overruns_at_low_rates(void) {
     const gv_safety_config cfg = gv_safety_config_default();
     gv_safety_input in = {.glove_seen = true, .tracker_seen = true, .finite = true};
     gv_safety_init(&s, &cfg);
-    for (int i = 0; i < 5; i++) gv_safety_step(&s, &in, 1.0 / rate_hz[r]);
+    for (int i = 0; i < 5; i++)
+      gv_safety_step(&s, &in, 1.0 / rate_hz[r]);
     in.dead_man = true;
     gv_safety_step(&s, &in, 1.0 / rate_hz[r]);
     in.overruns = 1;
     double passed_s = 0.0;
-    while (gv_safety_step(&s, &in, 1.0 / rate_hz[r]) != GV_SAFETY_FAULT && passed_s < 1.0) passed_s += 1.0 / rate_hz[r];
-    CHECK(passed_s < 0.2 && s.faults == GV_FAULT_OVERRUN, "%g Hz: every period late, no fault after %g s", rate_hz[r], passed_s);
+    while (gv_safety_step(&s, &in, 1.0 / rate_hz[r]) != GV_SAFETY_FAULT && passed_s < 1.0)
+      passed_s += 1.0 / rate_hz[r];
+    CHECK(passed_s < 0.2 && s.faults == GV_FAULT_OVERRUN, "%g Hz: every period late, no fault after %g s",
+          rate_hz[r], passed_s);
   }
 }
 
@@ -168,24 +203,28 @@ static void test_tendon_map_inverts_a_tension(void) {
   gv_hand_model m = gv_hand_model_default(GV_RIGHT);
   gv_pose wrist = {gv_quat_exp(gv_v3(0.2, 0.1, -0.4)), {0.3, 0, 0.1}}, T[GV_LIMBS];
   double angle[GV_SENSORS];
-  for (int i = 0; i < GV_SENSORS; i++) angle[i] = 0.02 * i;
+  for (int i = 0; i < GV_SENSORS; i++)
+    angle[i] = 0.02 * i;
   gv_joint_axis joint[GV_SENSORS];
   gv_hand_frames(&m, &wrist, angle, T);
   gv_hand_joints(&m, &wrist, angle, joint);
   for (int finger = 0; finger < GV_FINGERS; finger++) {
     gv_vec3 f[GV_LIMBS], t[GV_LIMBS];
-    memset(f, 0, sizeof f); memset(t, 0, sizeof t);
+    memset(f, 0, sizeof f);
+    memset(t, 0, sizeof t);
     int sensor[3];
     double arm[3], out[GV_FINGERS], tension = 2.5;
     gv_tendon_joints(finger, sensor, arm);
-    for (int j = 0; j < 3; j++) {  // pure torques on the segments that leave tension * arm at each joint, extending
+    // pure torques on the segments that leave tension * arm at each joint, extending
+    for (int j = 0; j < 3; j++) {
       double next = j < 2 ? arm[j + 1] : 0.0;
       gv_vec3 a = joint[sensor[j]].axis_world;
       t[3 * finger + j] = gv_scale(a, -tension * (arm[j] - next));
     }
     gv_tendon_map(joint, T, f, t, out);
     CHECK_NEAR(out[finger], tension, 1e-12);
-    for (int j = 0; j < 3; j++) t[3 * finger + j] = gv_neg(t[3 * finger + j]);
+    for (int j = 0; j < 3; j++)
+      t[3 * finger + j] = gv_neg(t[3 * finger + j]);
     gv_tendon_map(joint, T, f, t, out);
     CHECK(out[finger] == 0.0, "a tendon cannot push");
   }
@@ -196,12 +235,15 @@ static void test_a_fingertip_force_is_felt(void) {
   gv_hand_model m = gv_hand_model_default(GV_RIGHT);
   gv_pose wrist = gv_pose_identity(), T[GV_LIMBS];
   double angle[GV_SENSORS] = {0};
-  angle[GV_INDEX_MPJ] = 0.6; angle[GV_INDEX_PIJ] = 0.6; angle[GV_INDEX_DIJ] = 0.3;
+  angle[GV_INDEX_MPJ] = 0.6;
+  angle[GV_INDEX_PIJ] = 0.6;
+  angle[GV_INDEX_DIJ] = 0.3;
   gv_joint_axis joint[GV_SENSORS];
   gv_hand_frames(&m, &wrist, angle, T);
   gv_hand_joints(&m, &wrist, angle, joint);
   gv_vec3 f[GV_LIMBS], t[GV_LIMBS];
-  memset(f, 0, sizeof f); memset(t, 0, sizeof t);
+  memset(f, 0, sizeof f);
+  memset(t, 0, sizeof t);
   int tip = GV_LIMB_INDEX + 2;
   f[tip] = gv_rotate(T[tip].q, gv_v3(0, 0, 1));  // pushed from the pad side
   double out[GV_FINGERS];

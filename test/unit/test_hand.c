@@ -6,12 +6,14 @@
 #include "gloved/hand.h"
 
 static void test_trigonometry_equals_libm(void) {
-  double worst_s = 0, worst_a = 0;
+  double worst_s = 0;
+  double worst_a = 0;
   for (int i = -200000; i <= 200000; i++) {
     double a = i * 0.00137, s, c;
     gv_sincos(a, &s, &c);
     worst_s = fmax(worst_s, fmax(fabs(s - sin(a)), fabs(c - cos(a))));
-    double y = sin(i * 0.31) * (1 + abs(i) % 7), x = cos(i * 0.17) * (1 + abs(i) % 5);
+    double y = sin(i * 0.31) * (1 + abs(i) % 7);
+    double x = cos(i * 0.17) * (1 + abs(i) % 5);
     worst_a = fmax(worst_a, fabs(gv_atan2(y, x) - atan2(y, x)));
   }
   CHECK(worst_s < 1e-15, "sin, cos off by %g", worst_s);
@@ -23,9 +25,11 @@ static void test_rotation_maps_invert(void) {
   unsigned long long r = 7;
   for (int i = 0; i < 10000; i++) {
     gv_vec3 v = gv_v3(check_uniform(&r, -1, 1), check_uniform(&r, -1, 1), check_uniform(&r, -1, 1));
-    v = gv_scale(gv_normalize_or(v, gv_v3(1, 0, 0)), i % 3 ? check_uniform(&r, 0, 3.14) : check_uniform(&r, 0, 1e-8));
+    v = gv_scale(gv_normalize_or(v, gv_v3(1, 0, 0)),
+                 i % 3 ? check_uniform(&r, 0, 3.14) : check_uniform(&r, 0, 1e-8));
     gv_vec3 w = gv_quat_log(gv_quat_exp(v));
-    CHECK(gv_norm(gv_sub(v, w)) < 1e-13, "log(exp(v)) - v = %g at |v| = %g", gv_norm(gv_sub(v, w)), gv_norm(v));
+    CHECK(gv_norm(gv_sub(v, w)) < 1e-13, "log(exp(v)) - v = %g at |v| = %g", gv_norm(gv_sub(v, w)),
+          gv_norm(v));
   }
 }
 
@@ -35,7 +39,8 @@ static void test_straight_hand(void) {
   double angle[GV_SENSORS] = {0};
   gv_hand_frames(&m, &wrist, angle, T);
   // The middle fingertip of a straight hand: base + 47 + 28 + 21 mm along x.
-  gv_vec3 tip = gv_transform(T[GV_LIMB_MIDDLE + 2], gv_v3(gv_hand_half_length(&m, GV_LIMB_MIDDLE + 2) + 0.0075, 0, 0));
+  gv_vec3 tip = gv_transform(T[GV_LIMB_MIDDLE + 2],
+                             gv_v3(gv_hand_half_length(&m, GV_LIMB_MIDDLE + 2) + 0.0075, 0, 0));
   CHECK_NEAR(tip.x, 0.0830 + 0.0960, 1e-12);
   CHECK_NEAR(tip.y, 0.0040, 1e-12);
   CHECK_NEAR(tip.z, 0.0, 1e-12);
@@ -56,13 +61,15 @@ static void test_bent_finger_points_to_the_palm(void) {
   CHECK_NEAR(p.z, -0.0403, 1e-12);
 }
 
-// The straight thumb at 45 degrees of abduction points along x and bends towards the finger pads, square to x.
+// The straight thumb at 45 degrees of abduction points along x and bends towards
+// the finger pads, square to x.
 static void test_opposed_thumb(void) {
   gv_hand_model m = gv_hand_model_default(GV_RIGHT);
   gv_pose wrist = gv_pose_identity(), T[GV_LIMBS];
   double angle[GV_SENSORS] = {[GV_THUMB_ABDUCTION] = 0.25 * GV_PI};
   gv_hand_frames(&m, &wrist, angle, T);
-  gv_vec3 x = gv_normalize_or(gv_v3(0.30, 0.08, -0.95), gv_v3(1, 0, 0)), pads = gv_v3(0.87, -0.42, 0.24);
+  gv_vec3 x = gv_normalize_or(gv_v3(0.30, 0.08, -0.95), gv_v3(1, 0, 0));
+  gv_vec3 pads = gv_v3(0.87, -0.42, 0.24);
   gv_vec3 z = gv_neg(gv_normalize_or(gv_mad(pads, -gv_dot(pads, x), x), gv_v3(1, 0, 0)));
   for (int i = 0; i < 3; i++) {
     CHECK(gv_norm(gv_sub(gv_rotate(T[i].q, gv_v3(1, 0, 0)), x)) < 1e-15, "bone %d", i);
@@ -83,7 +90,8 @@ static void test_palm_arch_and_spread(void) {
   CHECK_NEAR(T[GV_LIMB_INDEX].p.z, flat[GV_LIMB_INDEX].p.z, 1e-12);
   angle[GV_PALM_ARCH] = 0;
   angle[GV_MIDDLE_INDEX_ABDUCTION] = angle[GV_RING_MIDDLE_ABDUCTION] = angle[GV_LITTLE_RING_ABDUCTION] = 0.2;
-  gv_hand_frames(&m, &wrist, angle, T);  // spread: the index towards the thumb (y), ring and little away from it
+  // spread: the index towards the thumb (y), ring and little away from it
+  gv_hand_frames(&m, &wrist, angle, T);
   CHECK(T[GV_LIMB_INDEX + 2].p.y > flat[GV_LIMB_INDEX + 2].p.y + 0.005, "index");
   CHECK(T[GV_LIMB_RING + 2].p.y < flat[GV_LIMB_RING + 2].p.y - 0.005, "ring");
   CHECK(T[GV_LIMB_LITTLE + 2].p.y < flat[GV_LIMB_LITTLE + 2].p.y - 0.005, "little");
@@ -91,14 +99,17 @@ static void test_palm_arch_and_spread(void) {
 }
 
 static void test_left_is_the_mirror_image(void) {
-  gv_hand_model right = gv_hand_model_default(GV_RIGHT), left = gv_hand_model_default(GV_LEFT);
+  gv_hand_model right = gv_hand_model_default(GV_RIGHT);
+  gv_hand_model left = gv_hand_model_default(GV_LEFT);
   gv_pose wrist = gv_pose_identity(), R[GV_LIMBS], L[GV_LIMBS];
   double angle[GV_SENSORS];
-  for (int i = 0; i < GV_SENSORS; i++) angle[i] = 0.1 + 0.03 * i;
+  for (int i = 0; i < GV_SENSORS; i++)
+    angle[i] = 0.1 + 0.03 * i;
   gv_hand_frames(&right, &wrist, angle, R);
   gv_hand_frames(&left, &wrist, angle, L);
   for (int i = 0; i < GV_LIMBS; i++) {
-    gv_vec3 a = gv_transform(R[i], gv_v3(0.01, 0, 0.005)), b = gv_transform(L[i], gv_v3(0.01, 0, 0.005));
+    gv_vec3 a = gv_transform(R[i], gv_v3(0.01, 0, 0.005));
+    gv_vec3 b = gv_transform(L[i], gv_v3(0.01, 0, 0.005));
     CHECK(gv_norm(gv_sub(gv_v3(a.x, -a.y, a.z), b)) < 1e-14, "limb %d", i);
   }
 }
@@ -109,26 +120,37 @@ static void check_jacobian(gv_side side) {
   gv_pose wrist = {gv_quat_exp(gv_v3(0.3, -0.7, 0.2)), {0.1, 0.2, 0.3}}, A[GV_LIMBS], B[GV_LIMBS];
   gv_joint_axis joint[GV_SENSORS];
   double angle[GV_SENSORS];
-  for (int i = 0; i < GV_SENSORS; i++) angle[i] = 0.05 + 0.04 * i;
+  for (int i = 0; i < GV_SENSORS; i++)
+    angle[i] = 0.05 + 0.04 * i;
   gv_hand_joints(&m, &wrist, angle, joint);
   const double e = 1e-6;
   for (int s = 0; s < GV_SENSORS; s++) {
     double plus[GV_SENSORS], minus[GV_SENSORS];
-    memcpy(plus, angle, sizeof angle); memcpy(minus, angle, sizeof angle);
-    plus[s] += e; minus[s] -= e;
+    memcpy(plus, angle, sizeof angle);
+    memcpy(minus, angle, sizeof angle);
+    plus[s] += e;
+    minus[s] -= e;
     gv_hand_frames(&m, &wrist, plus, A);
     gv_hand_frames(&m, &wrist, minus, B);
-    if (s == GV_PALM_ARCH) continue;  // turns the ring by half: not one axis for all its limbs
+    if (s == GV_PALM_ARCH)
+      continue;  // turns the ring by half: not one axis for all its limbs
     for (int l = 0; l < GV_LIMBS; l++) {
-      if (s == GV_RING_MIDDLE_ABDUCTION && l >= GV_LIMB_LITTLE && l < GV_LIMB_PALM) continue;  // turns about its own base
-      gv_vec3 mid = gv_scale(gv_add(A[l].p, B[l].p), 0.5), v = gv_scale(gv_sub(A[l].p, B[l].p), 0.5 / e);
-      gv_vec3 expect = joint[s].limbs >> l & 1 ? gv_cross(joint[s].axis_world, gv_sub(mid, joint[s].p_world)) : gv_v3(0, 0, 0);
-      CHECK(gv_norm(gv_sub(v, expect)) < 1e-8, "side %d sensor %s limb %s off by %g", side, gv_sensor_name(s), gv_limb_name(l),
-            gv_norm(gv_sub(v, expect)));
+      // turns about its own base
+      if (s == GV_RING_MIDDLE_ABDUCTION && l >= GV_LIMB_LITTLE && l < GV_LIMB_PALM)
+        continue;
+      gv_vec3 mid = gv_scale(gv_add(A[l].p, B[l].p), 0.5);
+      gv_vec3 v = gv_scale(gv_sub(A[l].p, B[l].p), 0.5 / e);
+      gv_vec3 expect = joint[s].limbs >> l & 1 ? gv_cross(joint[s].axis_world, gv_sub(mid, joint[s].p_world))
+                                               : gv_v3(0, 0, 0);
+      CHECK(gv_norm(gv_sub(v, expect)) < 1e-8, "side %d sensor %s limb %s off by %g", side, gv_sensor_name(s),
+            gv_limb_name(l), gv_norm(gv_sub(v, expect)));
     }
   }
 }
-static void test_joint_axes_are_the_jacobian(void) { check_jacobian(GV_RIGHT); check_jacobian(GV_LEFT); }
+static void test_joint_axes_are_the_jacobian(void) {
+  check_jacobian(GV_RIGHT);
+  check_jacobian(GV_LEFT);
+}
 
 static void test_calibration_two_points(void) {
   gv_calibration cal = gv_calibration_default();
@@ -139,17 +161,21 @@ static void test_calibration_two_points(void) {
   CHECK(gv_calibration_check(&cal) == -6, "two equal points are refused and named");
 }
 
-// Precision grasps with the thumb where an imported recording of VirtualHand has it at its median roll of 99 degrees
-// (tools/trace/table.c): rotation 25, abduction 30. The tips meet. The pads do not face each other, 77 to 92 degrees are
-// between them: this thumb has no axis to pronate about (66 is the least of all its postures with the tips together).
+// Precision grasps with the thumb where an imported recording of VirtualHand has it at its median roll of
+// 99 degrees (tools/trace/table.c): rotation 25, abduction 30. The tips meet. The pads do not face each
+// other, 77 to 92 degrees are between them: this thumb has no axis to pronate about (66 is the least of all
+// its postures with the tips together).
 static void test_tips_meet_in_precision_grasps(void) {
   static const double index_deg[3][3] = {{50, 40, 10}, {60, 35, 10}, {45, 45, 20}};
   const gv_hand_model m = gv_hand_model_default(GV_RIGHT);
   const double deg = GV_PI / 180;
   for (int g = 0; g < 3; g++) {
-    double angle[GV_SENSORS] = {[GV_THUMB_ROTATE] = 25 * deg, [GV_THUMB_ABDUCTION] = 30 * deg,
-                                [GV_THUMB_MPJ] = 10 * deg, [GV_THUMB_IJ] = 10 * deg};
-    for (int j = 0; j < 3; j++) angle[GV_INDEX_MPJ + j] = index_deg[g][j] * deg;
+    double angle[GV_SENSORS] = {[GV_THUMB_ROTATE] = 25 * deg,
+                                [GV_THUMB_ABDUCTION] = 30 * deg,
+                                [GV_THUMB_MPJ] = 10 * deg,
+                                [GV_THUMB_IJ] = 10 * deg};
+    for (int j = 0; j < 3; j++)
+      angle[GV_INDEX_MPJ + j] = index_deg[g][j] * deg;
     gv_pose wrist = gv_pose_identity(), T[GV_LIMBS];
     gv_hand_frames(&m, &wrist, angle, T);
     gv_vec3 tip[2];

@@ -16,22 +16,28 @@ static int build(int count, gv_hull *out) {
 
 static bool has_neighbor(const gv_hull *h, int i, int j, int face) {
   for (int k = h->neighbor_start[i]; k < h->neighbor_start[i + 1]; k++)
-    if (h->neighbor[k] == j && h->neighbor_face[k] == face) return true;
+    if (h->neighbor[k] == j && h->neighbor_face[k] == face)
+      return true;
   return false;
 }
 
 // Everything that shape.h promises of a hull of points[0 .. count).
 static void check_hull(const gv_hull *h, int count, double size) {
   int corners = h->face_start[h->face_count];
-  CHECK(h->vertex_count - corners / 2 + h->face_count == 2, "Euler: %d vertices, %d faces", h->vertex_count, h->face_count);
+  CHECK(h->vertex_count - corners / 2 + h->face_count == 2, "Euler: %d vertices, %d faces", h->vertex_count,
+        h->face_count);
   CHECK(h->neighbor_start[h->vertex_count] == corners, "two directed edges per edge");
   for (int f = 0; f < h->face_count; f++) {
-    int first = h->face_start[f], sides = h->face_start[f + 1] - first;
+    int first = h->face_start[f];
+    int sides = h->face_start[f + 1] - first;
     CHECK_NEAR(gv_norm(h->face_normal[f]), 1.0, 1e-14);
     for (int i = 0; i < count; i++)
-      CHECK(gv_dot(h->face_normal[f], points[i]) <= h->face_offset[f] + 1e-9 * size, "point %d outside face %d", i, f);
+      CHECK(gv_dot(h->face_normal[f], points[i]) <= h->face_offset[f] + 1e-9 * size,
+            "point %d outside face %d", i, f);
     for (int k = 0; k < sides; k++) {
-      int i = h->face_vertex[first + k], j = h->face_vertex[first + (k + 1) % sides], l = h->face_vertex[first + (k + 2) % sides];
+      int i = h->face_vertex[first + k];
+      int j = h->face_vertex[first + (k + 1) % sides];
+      int l = h->face_vertex[first + (k + 2) % sides];
       CHECK_NEAR(gv_dot(h->face_normal[f], h->vertex[i]), h->face_offset[f], 1e-9 * size);
       CHECK(has_neighbor(h, i, j, f), "edge %d %d of face %d in the lists", i, j, f);
       gv_vec3 turn = gv_cross(gv_sub(h->vertex[j], h->vertex[i]), gv_sub(h->vertex[l], h->vertex[j]));
@@ -42,13 +48,15 @@ static void check_hull(const gv_hull *h, int count, double size) {
   for (int i = 0; i < h->vertex_count; i++) {
     gv_vec3 v = h->vertex[i];
     CHECK(v.x >= h->aabb_min.x && v.y >= h->aabb_min.y && v.z >= h->aabb_min.z && v.x <= h->aabb_max.x &&
-          v.y <= h->aabb_max.y && v.z <= h->aabb_max.z, "vertex %d in the bounds", i);
+              v.y <= h->aabb_max.y && v.z <= h->aabb_max.z,
+          "vertex %d in the bounds", i);
   }
 }
 
 static int put_box(gv_vec3 half, gv_pose T) {
   for (int i = 0; i < 8; i++)
-    points[i] = gv_transform(T, gv_v3(i & 1 ? half.x : -half.x, i & 2 ? half.y : -half.y, i & 4 ? half.z : -half.z));
+    points[i] = gv_transform(
+        T, gv_v3(i & 1 ? half.x : -half.x, i & 2 ? half.y : -half.y, i & 4 ? half.z : -half.z));
   return 8;
 }
 
@@ -58,7 +66,8 @@ static void test_box_has_six_quads(void) {
     gv_hull h;
     int count = put_box(gv_v3(draw(0.001, 0.5), draw(0.001, 0.5), draw(0.001, 0.5)), T);
     CHECK(build(count, &h) == 0, "box builds");
-    CHECK(h.vertex_count == 8 && h.face_count == 6 && h.face_start[6] == 24, "%d vertices, %d faces", h.vertex_count, h.face_count);
+    CHECK(h.vertex_count == 8 && h.face_count == 6 && h.face_start[6] == 24, "%d vertices, %d faces",
+          h.vertex_count, h.face_count);
     check_hull(&h, count, 1);
   }
 }
@@ -68,7 +77,8 @@ static void test_lattice_is_a_box(void) {
   int count = 0;
   gv_hull h;
   for (int twice = 0; twice < 2; twice++)
-    for (int i = 0; i < 7 * 7 * 7; i++) points[count++] = gv_v3(0.01 * (i % 7), 0.01 * (i / 7 % 7), 0.01 * (i / 49));
+    for (int i = 0; i < 7 * 7 * 7; i++)
+      points[count++] = gv_v3(0.01 * (i % 7), 0.01 * (i / 7 % 7), 0.01 * (i / 49));
   CHECK(build(count, &h) == 0, "lattice builds");
   CHECK(h.vertex_count == 8 && h.face_count == 6, "%d vertices, %d faces", h.vertex_count, h.face_count);
   check_hull(&h, count, 0.1);
@@ -85,13 +95,16 @@ static void test_random_points_on_an_ellipsoid(void) {
     }
     int error = build(counts[c], &h);
     CHECK(error == 0, "%d points: %s", counts[c], gv_hull_error(error));
-    if (error) continue;
-    CHECK(h.vertex_count == counts[c] && h.face_count == 2 * counts[c] - 4, "all %d points stay: %d", counts[c], h.vertex_count);
+    if (error)
+      continue;
+    CHECK(h.vertex_count == counts[c] && h.face_count == 2 * counts[c] - 4, "all %d points stay: %d",
+          counts[c], h.vertex_count);
     check_hull(&h, counts[c], 0.2);
   }
 }
 
-// Prisms with many corners, turned: two polygons of n corners and n quads, though every side is two triangles.
+// Prisms with many corners, turned: two polygons of n corners and n quads, though
+// every side is two triangles.
 static void test_prisms(void) {
   for (int n = 3; n <= GV_MAX_FACE_VERTICES; n++) {
     gv_hull h;
@@ -99,11 +112,14 @@ static void test_prisms(void) {
     for (int i = 0; i < n; i++) {
       double s, c;
       gv_sincos(2 * GV_PI * i / n, &s, &c);
-      for (int top = 0; top < 2; top++) points[2 * i + top] = gv_rotate(q, gv_v3(0.03 * c, 0.03 * s, top ? 0.05 : -0.05));
+      for (int top = 0; top < 2; top++)
+        points[2 * i + top] = gv_rotate(q, gv_v3(0.03 * c, 0.03 * s, top ? 0.05 : -0.05));
     }
     int error = build(2 * n, &h);
-    CHECK(error == 0 && h.face_count == n + 2 && h.vertex_count == 2 * n, "prism %d: %s, %d faces", n, gv_hull_error(error), h.face_count);
-    if (!error) check_hull(&h, 2 * n, 0.1);
+    CHECK(error == 0 && h.face_count == n + 2 && h.vertex_count == 2 * n, "prism %d: %s, %d faces", n,
+          gv_hull_error(error), h.face_count);
+    if (!error)
+      check_hull(&h, 2 * n, 0.1);
   }
 }
 
@@ -114,7 +130,8 @@ static void test_rounded_coordinates(void) {
     int count = put_box(gv_v3(0.04, 0.03, 0.05), (gv_pose){draw_rotation(), {0, 0, 0}});
     double quantum = quanta[round % 7];
     for (int k = 0; k < 40; k++, count++) {  // and points on its sides
-      double t = draw(0, 1), u = draw(0, 1);
+      double t = draw(0, 1);
+      double u = draw(0, 1);
       points[count] = gv_mad(gv_mad(gv_scale(points[0], 1 - t - u), t, points[1]), u, points[2]);
     }
     for (int i = 0; i < count; i++) {
@@ -125,12 +142,14 @@ static void test_rounded_coordinates(void) {
     gv_hull h;
     int error = build(count, &h);
     CHECK(error == 0, "round %d: %s", round, gv_hull_error(error));
-    if (!error) CHECK(fabs(gv_hull_mass_properties(&h).volume / (0.08 * 0.06 * 0.1) - 1) < 100 * quantum + 1e-5, "volume kept");
+    if (!error)
+      CHECK(fabs(gv_hull_mass_properties(&h).volume / (0.08 * 0.06 * 0.1) - 1) < 100 * quantum + 1e-5,
+            "volume kept");
   }
 }
 
-// A box as a file with six digits has it, turned, with points on its sides: six sides of four corners all the same,
-// and no corner more than the rounding away from where it was.
+// A box as a file with six digits has it, turned, with points on its sides: six sides of four corners all
+// the same, and no corner more than the rounding away from where it was.
 static void test_flat_sides_of_rounded_files(void) {
   for (int round = 0; round < 500; round++) {
     gv_vec3 half = gv_v3(draw(0.03, 0.1), draw(0.03, 0.1), round % 5 ? draw(0.03, 0.1) : 0.002);
@@ -138,13 +157,18 @@ static void test_flat_sides_of_rounded_files(void) {
     gv_hull h;
     int count = put_box(half, T), error;
     for (int k = 0; k < round % 20; k++, count++)
-      points[count] = gv_transform(T, gv_v3(half.x * draw(-1, 1), half.y * draw(-1, 1), k % 2 ? half.z : -half.z));
-    for (int i = 0; i < count; i++) points[i] = gv_v3(floor(points[i].x * 1e6 + 0.5) * 1e-6, floor(points[i].y * 1e6 + 0.5) * 1e-6, floor(points[i].z * 1e6 + 0.5) * 1e-6);
+      points[count] = gv_transform(
+          T, gv_v3(half.x * draw(-1, 1), half.y * draw(-1, 1), k % 2 ? half.z : -half.z));
+    for (int i = 0; i < count; i++)
+      points[i] = gv_v3(floor(points[i].x * 1e6 + 0.5) * 1e-6, floor(points[i].y * 1e6 + 0.5) * 1e-6,
+                        floor(points[i].z * 1e6 + 0.5) * 1e-6);
     error = build(count, &h);
-    CHECK(error == 0 && h.face_count == 6 && h.vertex_count == 8, "round %d: %s, %d faces, %d vertices", round, gv_hull_error(error), h.face_count, h.vertex_count);
+    CHECK(error == 0 && h.face_count == 6 && h.vertex_count == 8, "round %d: %s, %d faces, %d vertices",
+          round, gv_hull_error(error), h.face_count, h.vertex_count);
     for (int i = 0; i < 8 && error == 0; i++) {
       double off = HUGE_VAL;
-      for (int k = 0; k < h.vertex_count; k++) off = fmin(off, gv_norm(gv_sub(h.vertex[k], points[i])));
+      for (int k = 0; k < h.vertex_count; k++)
+        off = fmin(off, gv_norm(gv_sub(h.vertex[k], points[i])));
       CHECK(off < 4e-6, "corner %d moved by %g m", i, off);
     }
   }
@@ -174,7 +198,8 @@ static void test_errors(void) {
     points[2 * i] = gv_v3(c, s, 0), points[2 * i + 1] = gv_v3(c, s, 1);
   }
   CHECK(build(130, &h) == GV_HULL_POLYGON, "a face of 65 corners");
-  for (int e = 0; e >= GV_HULL_DEGENERATE; e--) CHECK(strcmp(gv_hull_error(e), "unknown error") != 0, "error %d has a text", e);
+  for (int e = 0; e >= GV_HULL_DEGENERATE; e--)
+    CHECK(strcmp(gv_hull_error(e), "unknown error") != 0, "error %d has a text", e);
 }
 
 static void test_mass_of_a_box(void) {
@@ -190,10 +215,12 @@ static void test_mass_of_a_box(void) {
   CHECK_NEAR(m.inertia.m[0][1], 0.0, 1e-14);
 }
 
-// Tetrahedron (0, e_x, e_y, e_z): volume 1/6, centre 1/4, I_xx = 3/40, I_xy = 1/80 about the centre, per mass.
+// Tetrahedron (0, e_x, e_y, e_z): volume 1/6, centre 1/4, I_xx = 3/40, I_xy = 1/80
+// about the centre, per mass.
 static void test_mass_of_a_tetrahedron(void) {
   gv_hull h;
-  points[0] = gv_v3(0, 0, 0), points[1] = gv_v3(1, 0, 0), points[2] = gv_v3(0, 1, 0), points[3] = gv_v3(0, 0, 1);
+  points[0] = gv_v3(0, 0, 0), points[1] = gv_v3(1, 0, 0), points[2] = gv_v3(0, 1, 0),
+  points[3] = gv_v3(0, 0, 1);
   CHECK(build(4, &h) == 0, "builds");
   gv_mass_properties m = gv_hull_mass_properties(&h);
   CHECK_NEAR(m.volume, 1.0 / 6, 1e-15);
@@ -226,7 +253,8 @@ static void test_support_against_scan(void) {
     gv_hull h;
     int count = 0;
     if (round % 2)
-      for (; count < 20 + 20 * round; count++) points[count] = gv_scale(draw_unit(), 0.05);
+      for (; count < 20 + 20 * round; count++)
+        points[count] = gv_scale(draw_unit(), 0.05);
     else
       for (; count < 60; count++) {  // a prism: large faces of many corners
         double s, c;
@@ -239,8 +267,10 @@ static void test_support_against_scan(void) {
     for (int k = 0; k < 500; k++) {
       gv_vec3 d = k % 5 == 0 ? gv_rotate(T.q, h.face_normal[k % h.face_count]) : draw_unit();
       uint16_t hint = (uint16_t)(k % h.vertex_count);
-      double high = gv_dot(gv_support(&shape, &T, d, &hint), d), best = -HUGE_VAL;
-      for (int i = 0; i < h.vertex_count; i++) best = fmax(best, gv_dot(gv_transform(T, h.vertex[i]), d));
+      double high = gv_dot(gv_support(&shape, &T, d, &hint), d);
+      double best = -HUGE_VAL;
+      for (int i = 0; i < h.vertex_count; i++)
+        best = fmax(best, gv_dot(gv_transform(T, h.vertex[i]), d));
       CHECK_NEAR(high, best, 1e-15);
     }
   }

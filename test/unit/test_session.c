@@ -16,9 +16,12 @@ static uint8_t glove_counter, pose_counter, status_counter;
 static gv_frame command;
 
 static void start(void) {
-  const gv_session_config cfg = {.limiter = gv_limiter_config_default(), .safety = gv_safety_config_default(),
-                                 .side = GV_RIGHT, .period_s = 0.001};
-  if (world.engine) gv_engine_close(world.engine);
+  const gv_session_config cfg = {.limiter = gv_limiter_config_default(),
+                                 .safety = gv_safety_config_default(),
+                                 .side = GV_RIGHT,
+                                 .period_s = 0.001};
+  if (world.engine)
+    gv_engine_close(world.engine);
   lab_start(&world);
   lab_box(&world, gv_v3(1, 1, 0.1), gv_v3(0, 0, -0.05), 0, 0.8);
   lab_run(&world);
@@ -36,16 +39,21 @@ static gv_frame stamped(gv_frame frame) {
 
 // All fingers straight, the index finger bent by `index_rad` in its first joint.
 static gv_frame glove(double index_rad, uint8_t flags, uint32_t age_us) {
-  gv_glove_msg msg = {.counter = glove_counter++, .flags = flags, .age_us = age_us, .stamp_us = (uint32_t)(now_ns / 1000)};
+  gv_glove_msg msg = {
+    .counter = glove_counter++, .flags = flags, .age_us = age_us, .stamp_us = (uint32_t)(now_ns / 1000)};
   for (int i = 0; i < GV_SENSORS; i++)
-    msg.raw[i] = (uint16_t)gv_clamp(gv_calibration_raw(&world.cfg.calibration, i, i == GV_INDEX_MPJ ? index_rad : 0.0), 0.0, 4095.0);
+    msg.raw[i] = (uint16_t)gv_clamp(
+        gv_calibration_raw(&world.cfg.calibration, i, i == GV_INDEX_MPJ ? index_rad : 0.0), 0.0, 4095.0);
   gv_frame frame;
   gv_fcu_pack_glove(&msg, &frame);
   return stamped(frame);
 }
 
 static gv_frame pose(uint8_t receiver, double height_m, uint8_t flags) {
-  gv_pose_msg msg = {.counter = pose_counter++, .flags = flags, .receiver = receiver, .stamp_us = (uint32_t)(now_ns / 1000),
+  gv_pose_msg msg = {.counter = pose_counter++,
+                     .flags = flags,
+                     .receiver = receiver,
+                     .stamp_us = (uint32_t)(now_ns / 1000),
                      .T_world_receiver = {{1, 0, 0, 0}, {0, 0, height_m}}};
   gv_frame frame;
   gv_fcu_pack_pose(&msg, &frame);
@@ -78,8 +86,10 @@ static double commanded_max(void) {
   gv_command_msg msg;
   CHECK(gv_fcu_unpack_command(&command, &msg) == GV_FCU_OK, "the command does not decode");
   double max = 0;
-  for (int i = 0; i < GV_FINGERS; i++) max = fmax(max, msg.tension_n[i]);
-  if (max > 0) CHECK(msg.flags & GV_COMMAND_ENABLE, "a force without ENABLE");
+  for (int i = 0; i < GV_FINGERS; i++)
+    max = fmax(max, msg.tension_n[i]);
+  if (max > 0)
+    CHECK(msg.flags & GV_COMMAND_ENABLE, "a force without ENABLE");
   return max;
 }
 
@@ -103,7 +113,8 @@ static void test_gaps_count_as_lost(void) {
   CHECK(session.frames.lost == 4, "%d lost", (int)session.frames.lost);
   start();
   glove_counter = 254;
-  for (int i = 0; i < 4; i++) step_one(glove(0, 0, 0));
+  for (int i = 0; i < 4; i++)
+    step_one(glove(0, 0, 0));
   CHECK(session.frames.lost == 0 && session.frames.late == 0, "the counter wraps");
 }
 
@@ -115,12 +126,15 @@ static void test_ids_count_by_themselves(void) {
     const gv_frame frame[3] = {glove(0, 0, 0), pose(GV_RECEIVER_HAND, 0.1, GV_POSE_VALID), status(0)};
     step(frame, 3);
   }
-  CHECK(session.frames.rx == 9 && session.frames.lost == 0 && session.frames.late == 0, "%d lost", (int)session.frames.lost);
+  CHECK(session.frames.rx == 9 && session.frames.lost == 0 && session.frames.late == 0, "%d lost",
+        (int)session.frames.lost);
 }
 
 static void test_doubled_and_overtaken_are_dropped(void) {
   start();
-  gv_frame first = glove(0.1, 0, 0), second = glove(0.2, 0, 0), third = glove(0.3, 0, 0);
+  gv_frame first = glove(0.1, 0, 0);
+  gv_frame second = glove(0.2, 0, 0);
+  gv_frame third = glove(0.3, 0, 0);
   step_one(first);
   step_one(third);
   step_one(second);
@@ -136,7 +150,8 @@ static void test_doubled_and_overtaken_are_dropped(void) {
 static void test_a_late_frame_takes_its_loss_back(void) {
   start();
   gv_frame frame[6];
-  for (int i = 0; i < 6; i++) frame[i] = glove(0.1 * i, 0, 0);
+  for (int i = 0; i < 6; i++)
+    frame[i] = glove(0.1 * i, 0, 0);
   step_one(frame[0]);
   step_one(frame[4]);
   CHECK(session.frames.lost == 3, "%d lost", (int)session.frames.lost);
@@ -144,11 +159,13 @@ static void test_a_late_frame_takes_its_loss_back(void) {
   step_one(frame[1]);
   step_one(frame[3]);
   CHECK(session.frames.lost == 0 && session.frames.late == 3, "%d lost", (int)session.frames.lost);
-  for (int i = 0; i < 10; i++) step(NULL, 0);
+  for (int i = 0; i < 10; i++)
+    step(NULL, 0);
   CHECK(session.frames.errors == 0, "%d errors", (int)session.frames.errors);
   step_one(frame[5]);
   step_one(frame[2]);
-  CHECK(session.frames.lost == 0 && session.frames.late == 4, "what came already takes nothing back: %d", (int)session.frames.lost);
+  CHECK(session.frames.lost == 0 && session.frames.late == 4, "what came already takes nothing back: %d",
+        (int)session.frames.lost);
 }
 
 static void test_a_gap_is_an_error_when_its_time_is_over(void) {
@@ -157,41 +174,54 @@ static void test_a_gap_is_an_error_when_its_time_is_over(void) {
   step_one(glove(0, 0, 0));
   glove_counter = (uint8_t)(glove_counter + 2);
   step_one(glove(0, 0, 0));
-  for (int i = 0; i < 5; i++) step(NULL, 0);
+  for (int i = 0; i < 5; i++)
+    step(NULL, 0);
   CHECK(session.frames.errors == 0, "after 5 ms: %d errors", (int)session.frames.errors);
   step(NULL, 0);
-  CHECK(session.frames.errors == 1 && session.frames.lost == 2, "after 6 ms: %d errors", (int)session.frames.errors);
+  CHECK(session.frames.errors == 1 && session.frames.lost == 2, "after 6 ms: %d errors",
+        (int)session.frames.errors);
   missing.data[0] = 0;
   step_one(missing);
-  CHECK(session.frames.errors == 1 && session.frames.lost == 2, "before the first: %d lost", (int)session.frames.lost);
+  CHECK(session.frames.errors == 1 && session.frames.lost == 2, "before the first: %d lost",
+        (int)session.frames.lost);
 }
 
 static void test_one_poll_is_taken_in_order(void) {
   start();
   glove_counter = pose_counter = 250;
   gv_frame sent[20], came[20];
-  for (int i = 0; i < 20; i++) sent[i] = i % 2 ? pose(GV_RECEIVER_HAND, 0.1, GV_POSE_VALID) : glove(0.05 * i, 0, 0);
-  for (int i = 0; i < 20; i++) came[i] = sent[i < 6 ? i : 25 - i];
+  for (int i = 0; i < 20; i++)
+    sent[i] = i % 2 ? pose(GV_RECEIVER_HAND, 0.1, GV_POSE_VALID) : glove(0.05 * i, 0, 0);
+  for (int i = 0; i < 20; i++)
+    came[i] = sent[i < 6 ? i : 25 - i];
   step(came, 20);
-  CHECK(session.frames.lost == 0 && session.frames.late == 0 && session.frames.errors == 0, "%d late", (int)session.frames.late);
+  CHECK(session.frames.lost == 0 && session.frames.late == 0 && session.frames.errors == 0, "%d late",
+        (int)session.frames.late);
   CHECK(session.glove.counter == (uint8_t)(250 + 9), "the newest is the last: %d", session.glove.counter);
-  const double angle = gv_calibration_angle(&world.cfg.calibration, GV_INDEX_MPJ, session.sample.raw[GV_INDEX_MPJ]);
+  const double angle = gv_calibration_angle(&world.cfg.calibration, GV_INDEX_MPJ,
+                                            session.sample.raw[GV_INDEX_MPJ]);
   CHECK_NEAR(angle, 0.9, 0.002);
 }
 
-// The queue of cannelloni 2 as its source has it (udpthread.cpp prepareBuffer, framebuffer.cpp returnFrame): a datagram
-// takes frames from the front while they fit; the rest goes back to the front one by one, and so in reverse order. One
-// datagram leaves with each tick of its timer.
+// The queue of cannelloni 2 as its source has it (udpthread.cpp prepareBuffer, framebuffer.cpp returnFrame):
+// a datagram takes frames from the front while they fit; the rest goes back to the front one by one, and so
+// in reverse order. One datagram leaves with each tick of its timer.
 enum { CANNELLONI_ROOM = 1472 - 5, CANNELLONI_QUEUE = 200 };
-typedef struct cannelloni { gv_frame queue[CANNELLONI_QUEUE]; int count; } cannelloni;
+typedef struct cannelloni {
+  gv_frame queue[CANNELLONI_QUEUE];
+  int count;
+} cannelloni;
 
 static int cannelloni_tick(cannelloni *c, gv_frame *out) {
-  int taken = 0, bytes = 0;
-  while (taken < c->count && bytes + 6 + c->queue[taken].len <= CANNELLONI_ROOM) bytes += 6 + c->queue[taken++].len;
+  int taken = 0;
+  int bytes = 0;
+  while (taken < c->count && bytes + 6 + c->queue[taken].len <= CANNELLONI_ROOM)
+    bytes += 6 + c->queue[taken++].len;
   memcpy(out, c->queue, (size_t)taken * sizeof *out);
   gv_frame rest[CANNELLONI_QUEUE];
   const int left = c->count - taken;
-  for (int i = 0; i < left; i++) rest[i] = c->queue[c->count - 1 - i];
+  for (int i = 0; i < left; i++)
+    rest[i] = c->queue[c->count - 1 - i];
   memcpy(c->queue, rest, (size_t)left * sizeof *rest);
   c->count = left;
   return taken;
@@ -215,8 +245,10 @@ static void test_cannelloni_that_stalls_is_no_fault(void) {
     cannelloni_press(&queue, 40, false);
   }
   CHECK(session.frames.late > 20, "only %d late: nothing was reversed", (int)session.frames.late);
-  CHECK(session.frames.lost == 0 && session.frames.errors == 0, "%d lost, %d errors", (int)session.frames.lost, (int)session.frames.errors);
-  CHECK(session.safety.state == GV_SAFETY_ACTIVE && commanded_max() > 0.3, "%s", gv_safety_name(session.safety.state));
+  CHECK(session.frames.lost == 0 && session.frames.errors == 0, "%d lost, %d errors",
+        (int)session.frames.lost, (int)session.frames.errors);
+  CHECK(session.safety.state == GV_SAFETY_ACTIVE && commanded_max() > 0.3, "%s",
+        gv_safety_name(session.safety.state));
 }
 
 static void test_losses_end_the_force(void) {
@@ -225,7 +257,8 @@ static void test_losses_end_the_force(void) {
     glove_counter = (uint8_t)(glove_counter + (i % 3 == 0));
     press(1, 1.05, GV_GLOVE_DEAD_MAN);
   }
-  CHECK(session.safety.state == GV_SAFETY_FAULT && session.faults_seen == GV_FAULT_FRAMES, "%s", gv_safety_name(session.safety.state));
+  CHECK(session.safety.state == GV_SAFETY_FAULT && session.faults_seen == GV_FAULT_FRAMES, "%s",
+        gv_safety_name(session.safety.state));
 }
 
 static void test_one_doubled_frame_is_no_error_many_are(void) {
@@ -237,7 +270,8 @@ static void test_one_doubled_frame_is_no_error_many_are(void) {
   }
   CHECK(session.frames.late == 10 && session.frames.errors == 0, "%d errors", (int)session.frames.errors);
   const gv_frame stuck = glove(0, 0, 0);
-  for (int i = 0; i < 12; i++) step_one(stuck);
+  for (int i = 0; i < 12; i++)
+    step_one(stuck);
   CHECK(session.frames.errors == 10, "%d errors of a counter that stands still", (int)session.frames.errors);
 }
 
@@ -249,7 +283,8 @@ static void test_a_restarted_device_is_taken_again(void) {
   int taken_after = 0;
   for (int i = 1; i <= 60 && !taken_after; i++) {
     step_one(glove(0, 0, 0));
-    if (session.sample.glove_new) taken_after = i;
+    if (session.sample.glove_new)
+      taken_after = i;
   }
   CHECK(taken_after == GV_SESSION_RESYNC, "after %d frames", taken_after);
   step_one(glove(0, 0, 0));
@@ -258,7 +293,9 @@ static void test_a_restarted_device_is_taken_again(void) {
 
 static void test_broken_frames_are_counted_and_dropped(void) {
   start();
-  gv_frame broken = glove(0.5, GV_GLOVE_DEAD_MAN, 0), shorter = glove(0.5, 0, 0), other = glove(0.5, 0, 0);
+  gv_frame broken = glove(0.5, GV_GLOVE_DEAD_MAN, 0);
+  gv_frame shorter = glove(0.5, 0, 0);
+  gv_frame other = glove(0.5, 0, 0);
   broken.data[20] ^= 1;
   shorter.len = 32;
   other.id = 0x333;
@@ -293,7 +330,8 @@ static void test_newest_of_several_wins(void) {
 
 // ---- ages and clocks ----------------------------------------------------------------------------------
 
-// The state after a press whose frames come `delay_ms` late by their stamps, on a clock that starts at `origin_ns`.
+// The state after a press whose frames come `delay_ms` late by their stamps, on a
+// clock that starts at `origin_ns`.
 static uint64_t hash_after_press(int64_t origin_ns, int64_t delay_ms) {
   start();
   now_ns = origin_ns;
@@ -311,7 +349,8 @@ static void test_simulation_sees_no_clock(void) {
   CHECK(commanded_max() > 0.1, "a force flows: %g N", commanded_max());
   CHECK(hash_after_press(123456789012345, 0) == hash, "another clock");
   CHECK(hash_after_press(0, 200) == hash, "old frames");
-  CHECK(commanded_max() == 0.0 && session.frames.late == 600, "but no force on old frames, %g N", commanded_max());
+  CHECK(commanded_max() == 0.0 && session.frames.late == 600, "but no force on old frames, %g N",
+        commanded_max());
 }
 
 static void test_age_is_the_devices_and_the_wires(void) {
@@ -350,13 +389,15 @@ static void test_device_must_report_the_switch_too(void) {
 
 static void test_silence_is_a_fault_and_ends_the_force(void) {
   press_until_force();
-  for (int i = 0; i < 70; i++) step(NULL, 0);
+  for (int i = 0; i < 70; i++)
+    step(NULL, 0);
   CHECK(session.safety.state == GV_SAFETY_FAULT, "%s", gv_safety_name(session.safety.state));
   CHECK(commanded_max() == 0.0, "%g N", commanded_max());
   CHECK(session.faults_seen & GV_FAULT_GLOVE_STALE, "the reason is kept");
 }
 
-// Frames as fresh as ever, the finger pressed; stamps that go on, or stand still, for the glove and for the hand.
+// Frames as fresh as ever, the finger pressed; stamps that go on, or stand still,
+// for the glove and for the hand.
 static void press_with_stamps(int count, int64_t tick_ns, bool freeze_glove, bool freeze_hand) {
   gv_glove_msg g;
   gv_pose_msg p;
@@ -379,47 +420,55 @@ static void test_a_clock_that_stands_still_ends_the_force(void) {
     CHECK(session.safety.state == GV_SAFETY_ACTIVE, "too early: %s", gv_safety_name(session.safety.state));
     press_with_stamps(26, MS, which == 0, which == 1);
     CHECK(session.safety.state == GV_SAFETY_FAULT && commanded_max() == 0.0, "%g N", commanded_max());
-    CHECK(session.faults_seen == (which == 0 ? GV_FAULT_GLOVE_STALE : GV_FAULT_TRACKER_STALE), "faults %x", session.faults_seen);
+    CHECK(session.faults_seen == (which == 0 ? GV_FAULT_GLOVE_STALE : GV_FAULT_TRACKER_STALE), "faults %x",
+          session.faults_seen);
   }
 }
 
 static void test_a_coarse_clock_is_no_fault(void) {
   press_until_force();
   press_with_stamps(500, 48 * MS, false, false);
-  CHECK(session.safety.state == GV_SAFETY_ACTIVE && commanded_max() > 0.3, "%s", gv_safety_name(session.safety.state));
+  CHECK(session.safety.state == GV_SAFETY_ACTIVE && commanded_max() > 0.3, "%s",
+        gv_safety_name(session.safety.state));
 }
 
 static void test_after_a_pause_forces_start_from_none(void) {
   press_until_force();
-  const double before = commanded_max(), rise = session.cfg.limiter.slew_n_per_s * session.cfg.period_s;
+  const double before = commanded_max();
+  const double rise = session.cfg.limiter.slew_n_per_s * session.cfg.period_s;
   for (unsigned skipped = 0; skipped < 8; skipped++) {
     press(20, 1.05, GV_GLOVE_DEAD_MAN);
-    const gv_frame frame[2] = {glove(1.05, GV_GLOVE_DEAD_MAN, 0), pose(GV_RECEIVER_HAND, 0.06, GV_POSE_VALID)};
+    const gv_frame frame[2] = {glove(1.05, GV_GLOVE_DEAD_MAN, 0),
+                               pose(GV_RECEIVER_HAND, 0.06, GV_POSE_VALID)};
     now_ns += (1 + skipped) * MS;
     gv_session_step(&session, now_ns, frame, 2, skipped, &command);
     const bool let_go = skipped + 1 >= 5;
-    CHECK(let_go ? commanded_max() <= rise : commanded_max() > 0.8 * before, "%u skipped: %g N", skipped, commanded_max());
+    CHECK(let_go ? commanded_max() <= rise : commanded_max() > 0.8 * before, "%u skipped: %g N", skipped,
+          commanded_max());
   }
 }
 
 // ---- what a force depends on has an age, and may say itself that it is in doubt --------------------------
 
-// Pressing on, with a status every 10 ms while `status_flags` is not negative. Returns the milliseconds until the
-// command is zero; -1: never.
+// Pressing on, with a status every 10 ms while `status_flags` is not negative. Returns the milliseconds
+// until the command is zero; -1: never.
 static int ms_until_zero(int count, int status_flags, uint8_t glove_flags, uint8_t pose_flags) {
   for (int i = 0; i < count; i++) {
     gv_frame frame[3] = {glove(1.05, glove_flags, 0), pose(GV_RECEIVER_HAND, 0.06, pose_flags)};
     const bool with_status = status_flags >= 0 && i % 10 == 0;
-    if (with_status) frame[2] = status((uint8_t)status_flags);
+    if (with_status)
+      frame[2] = status((uint8_t)status_flags);
     step(frame, with_status ? 3 : 2);
-    if (commanded_max() == 0.0) return i + 1;
+    if (commanded_max() == 0.0)
+      return i + 1;
   }
   return -1;
 }
 
 static void press_with_status(void) {
   press_until_force();
-  CHECK(ms_until_zero(300, GV_STATUS_DEAD_MAN, GV_GLOVE_DEAD_MAN, GV_POSE_VALID) < 0, "no force to begin with");
+  CHECK(ms_until_zero(300, GV_STATUS_DEAD_MAN, GV_GLOVE_DEAD_MAN, GV_POSE_VALID) < 0,
+        "no force to begin with");
 }
 
 static void test_a_status_that_stays_away_ends_the_force(void) {
@@ -433,10 +482,12 @@ static void test_a_status_that_is_only_broken_ends_the_force(void) {
   press_with_status();
   int ms = -1;
   for (int i = 0; i < 200 && ms < 0; i++) {
-    gv_frame frame[3] = {glove(1.05, GV_GLOVE_DEAD_MAN, 0), pose(GV_RECEIVER_HAND, 0.06, GV_POSE_VALID), status(GV_STATUS_DEAD_MAN)};
+    gv_frame frame[3] = {glove(1.05, GV_GLOVE_DEAD_MAN, 0), pose(GV_RECEIVER_HAND, 0.06, GV_POSE_VALID),
+                         status(GV_STATUS_DEAD_MAN)};
     frame[2].data[5] ^= 1;
     step(frame, i % 10 == 0 ? 3 : 2);
-    if (commanded_max() == 0.0) ms = i + 1;
+    if (commanded_max() == 0.0)
+      ms = i + 1;
   }
   CHECK(ms > 0 && ms <= 50 + 15, "zero after %d ms", ms);
 }
@@ -444,20 +495,27 @@ static void test_a_status_that_is_only_broken_ends_the_force(void) {
 static void test_the_age_allowed_follows_the_rate_of_the_source(void) {
   press_until_force();
   int ms = 0;
-  for (; commanded_max() > 0.0 && ms < 100; ms++) step(NULL, 0);
+  for (; commanded_max() > 0.0 && ms < 100; ms++)
+    step(NULL, 0);
   CHECK(ms <= 33 + 15, "a glove of 1 kHz: zero after %d ms", ms);
   press_until_force();
   for (int i = 0; i < 600; i++) {  // the same glove at 60 Hz: 40 ms without a frame are no fault
-    const gv_frame frame[2] = {glove(1.05, GV_GLOVE_DEAD_MAN, 0), pose(GV_RECEIVER_HAND, 0.06, GV_POSE_VALID)};
+    const gv_frame frame[2] = {glove(1.05, GV_GLOVE_DEAD_MAN, 0),
+                               pose(GV_RECEIVER_HAND, 0.06, GV_POSE_VALID)};
     step(frame, i % 16 == 0 ? 2 : 0);
-    if (i % 16) glove_counter--, pose_counter--;
+    if (i % 16)
+      glove_counter--, pose_counter--;
   }
-  for (int i = 0; i < 25; i++) step(NULL, 0);
+  for (int i = 0; i < 25; i++)
+    step(NULL, 0);
   CHECK(session.safety.state == GV_SAFETY_ACTIVE, "%s", gv_safety_name(session.safety.state));
 }
 
 static void test_a_device_in_doubt_ends_the_force_at_once(void) {
-  static const struct { uint8_t glove, pose; uint32_t fault; } say[] = {
+  static const struct {
+    uint8_t glove, pose;
+    uint32_t fault;
+  } say[] = {
     {GV_GLOVE_DEAD_MAN | GV_GLOVE_SENSOR_FAULT, GV_POSE_VALID, GV_FAULT_SENSOR},
     {GV_GLOVE_DEAD_MAN | GV_GLOVE_LEFT, GV_POSE_VALID, GV_FAULT_OTHER_HAND},
     {GV_GLOVE_DEAD_MAN, GV_POSE_VALID | GV_POSE_TRACKER_ERROR, GV_FAULT_TRACKER},
@@ -474,7 +532,8 @@ static void test_a_device_in_doubt_ends_the_force_at_once(void) {
 }
 
 static void test_every_fault_has_its_words(void) {
-  for (uint32_t bit = 1; bit <= GV_FAULT_TRACKER; bit <<= 1) CHECK(strcmp(gv_fault_text(bit), "none") != 0, "fault %x", bit);
+  for (uint32_t bit = 1; bit <= GV_FAULT_TRACKER; bit <<= 1)
+    CHECK(strcmp(gv_fault_text(bit), "none") != 0, "fault %x", bit);
 }
 
 static void test_an_open_switch_counts_in_any_sound_frame(void) {
@@ -499,10 +558,12 @@ static void test_a_late_wake_up_never_steepens_the_rise(void) {
   press(30, 1.05, 0);
   press(30, 0.0, GV_GLOVE_DEAD_MAN);
   const double slew = session.cfg.limiter.slew_n_per_s;
-  double last = commanded_max(), steepest = 0.0;
+  double last = commanded_max();
+  double steepest = 0.0;
   for (int i = 0; i < 60; i++) {
     const int64_t passed_ns = i % 2 ? MS / 10 : 2 * MS - MS / 10;
-    const gv_frame frame[2] = {glove(1.4, GV_GLOVE_DEAD_MAN, 0), pose(GV_RECEIVER_HAND, 0.045, GV_POSE_VALID)};
+    const gv_frame frame[2] = {glove(1.4, GV_GLOVE_DEAD_MAN, 0),
+                               pose(GV_RECEIVER_HAND, 0.045, GV_POSE_VALID)};
     now_ns += passed_ns;
     gv_session_step(&session, now_ns, frame, 2, 0, &command);
     const double rise = commanded_max() - last;
@@ -545,14 +606,19 @@ static void press_after_stall(unsigned periods_skipped) {
 
 static void test_stalls(void) {
   press_until_force();
-  for (int i = 0; i < 3; i++) press_after_stall(32);
-  CHECK(session.safety.state == GV_SAFETY_ACTIVE, "three short stalls: %s", gv_safety_name(session.safety.state));
+  for (int i = 0; i < 3; i++)
+    press_after_stall(32);
+  CHECK(session.safety.state == GV_SAFETY_ACTIVE, "three short stalls: %s",
+        gv_safety_name(session.safety.state));
   press_after_stall(60);
-  CHECK(session.safety.state == GV_SAFETY_FAULT, "a stall longer than any sample may be old: %s", gv_safety_name(session.safety.state));
+  CHECK(session.safety.state == GV_SAFETY_FAULT, "a stall longer than any sample may be old: %s",
+        gv_safety_name(session.safety.state));
   CHECK(session.faults_seen == GV_FAULT_OVERRUN, "and not for old data: faults %x", session.faults_seen);
   press_until_force();
-  for (int i = 0; i < 40; i++) press_after_stall(1);
-  CHECK(session.safety.state == GV_SAFETY_FAULT, "every second period: %s", gv_safety_name(session.safety.state));
+  for (int i = 0; i < 40; i++)
+    press_after_stall(1);
+  CHECK(session.safety.state == GV_SAFETY_FAULT, "every second period: %s",
+        gv_safety_name(session.safety.state));
   CHECK(session.faults_seen == GV_FAULT_OVERRUN, "faults %x", session.faults_seen);
 }
 
@@ -579,7 +645,8 @@ static void test_command_tells_its_sample(void) {
   step_one(glove(0, 0, 2000));
   gv_command_msg msg;
   CHECK(gv_fcu_unpack_command(&command, &msg) == GV_FCU_OK, "does not decode");
-  CHECK(msg.sample_stamp_us == 7000 && msg.age_us == 3000, "stamp %u age %u us", msg.sample_stamp_us, msg.age_us);
+  CHECK(msg.sample_stamp_us == 7000 && msg.age_us == 3000, "stamp %u age %u us", msg.sample_stamp_us,
+        msg.age_us);
   const uint8_t counter = msg.counter;
   step(NULL, 0);
   gv_fcu_unpack_command(&command, &msg);
@@ -595,9 +662,12 @@ static void test_random_frames(void) {
                            : pose(GV_RECEIVER_HAND, check_uniform(&random, -0.1, 0.3), GV_POSE_VALID);
     for (int k = (int)check_uniform(&random, 0, 4); k > 0; k--)
       frame.data[(int)check_uniform(&random, 0, 64)] = (uint8_t)check_uniform(&random, 0, 256);
-    if (i % 7 == 0) frame.len = (uint8_t)check_uniform(&random, 0, 65);
-    if (i % 11 == 0) frame.id = (uint32_t)check_uniform(&random, 0, 0x800);
-    if (i % 13 == 0) frame.stamp_ns = (int64_t)check_uniform(&random, -1e18, 1e18);
+    if (i % 7 == 0)
+      frame.len = (uint8_t)check_uniform(&random, 0, 65);
+    if (i % 11 == 0)
+      frame.id = (uint32_t)check_uniform(&random, 0, 0x800);
+    if (i % 13 == 0)
+      frame.stamp_ns = (int64_t)check_uniform(&random, -1e18, 1e18);
     step_one(frame);
     CHECK(commanded_max() <= session.cfg.limiter.max_n + GV_TENSION_LSB_N, "%g N", commanded_max());
   }

@@ -25,7 +25,7 @@
 
 // ---- one call under the list --------------------------------------------------------------------------
 
-static int line[2], pair_of_sockets[2]; // both ends at descriptors above 2
+static int line[2], pair_of_sockets[2];  // both ends at descriptors above 2
 
 static void sleep_until_past(void) {
   const struct timespec past = {0, 1};
@@ -67,7 +67,7 @@ static void move_the_break(void) { syscall(SYS_brk, 0); }
 static void make_a_socket(void) { socket(AF_INET, SOCK_DGRAM, 0); }
 static void wait_on_a_futex(void) {
   static int word;
-  syscall(SYS_futex, &word, 1, 1, NULL, NULL, 0); // FUTEX_WAKE: nobody waits
+  syscall(SYS_futex, &word, 1, 1, NULL, NULL, 0);  // FUTEX_WAKE: nobody waits
 }
 static void sleep_relative(void) {
   const struct timespec short_time = {0, 1000};
@@ -84,7 +84,8 @@ typedef struct request {
 
 static void *call_under_the_list(void *argument) {
   const request *r = argument;
-  if (gv_strict_enter(r->driver_calls) != 0) syscall(SYS_exit_group, 3);
+  if (gv_strict_enter(r->driver_calls) != 0)
+    syscall(SYS_exit_group, 3);
   r->call();
   return NULL;
 }
@@ -103,9 +104,10 @@ static int make_call(unsigned driver_calls, void (*call)(void)) {
     request r = {driver_calls, call};
     pthread_t thread;
     prctl(PR_SET_DUMPABLE, 0UL, 0UL, 0UL, 0UL);
-    if (pthread_create(&thread, NULL, call_under_the_list, &r) != 0) _exit(4);
+    if (pthread_create(&thread, NULL, call_under_the_list, &r) != 0)
+      _exit(4);
     pthread_join(thread, NULL);
-    open_a_file(); // this thread may
+    open_a_file();  // this thread may
     _exit(0);
   }
   return outcome_of(child);
@@ -113,7 +115,8 @@ static int make_call(unsigned driver_calls, void (*call)(void)) {
 
 static void test_what_the_loop_needs_is_let_through(void) {
   void (*const calls[])(void) = {sleep_until_past, poll_a_descriptor, read_the_clock, count_faults};
-  for (int i = 0; i < 4; i++) CHECK(make_call(0, calls[i]) == 0, "call %d: %d", i, make_call(0, calls[i]));
+  for (int i = 0; i < 4; i++)
+    CHECK(make_call(0, calls[i]) == 0, "call %d: %d", i, make_call(0, calls[i]));
 }
 
 static void test_a_drivers_own_calls_are_let_through(void) {
@@ -149,10 +152,10 @@ static void test_any_other_call_kills(void) {
 // seccomp(2) answers EINVAL from now on, as a kernel without CONFIG_SECCOMP_FILTER does.
 static void refuse_lists(void) {
   struct sock_filter lines[] = {
-      BPF_STMT(BPF_LD | BPF_W | BPF_ABS, offsetof(struct seccomp_data, nr)),
-      BPF_JUMP(BPF_JMP | BPF_JEQ | BPF_K, SYS_seccomp, 0, 1),
-      BPF_STMT(BPF_RET | BPF_K, SECCOMP_RET_ERRNO | EINVAL),
-      BPF_STMT(BPF_RET | BPF_K, SECCOMP_RET_ALLOW),
+    BPF_STMT(BPF_LD | BPF_W | BPF_ABS, offsetof(struct seccomp_data, nr)),
+    BPF_JUMP(BPF_JMP | BPF_JEQ | BPF_K, SYS_seccomp, 0, 1),
+    BPF_STMT(BPF_RET | BPF_K, SECCOMP_RET_ERRNO | EINVAL),
+    BPF_STMT(BPF_RET | BPF_K, SECCOMP_RET_ALLOW),
   };
   const struct sock_fprog program = {4, lines};
   prctl(PR_SET_NO_NEW_PRIVS, 1UL, 0UL, 0UL, 0UL);
@@ -170,13 +173,13 @@ static void test_a_kernel_that_refuses_is_told_in_words(void) {
     dup2(words[1], 2);
     dup2(words[1], 1);
     refuse_lists();
-    execl(gloved, gloved, "--strict", "--fcu", "sim:", "--duration", "0.2", "--lcm", "none",
-          (char *)NULL);
+    execl(gloved, gloved, "--strict", "--fcu", "sim:", "--duration", "0.2", "--lcm", "none", (char *)NULL);
     _exit(5);
   }
   close(words[1]);
   size_t length = 0;  // it says its words in several writes
-  for (ssize_t got; (got = read(words[0], text + length, sizeof text - 1 - length)) > 0;) length += (size_t)got;
+  for (ssize_t got; (got = read(words[0], text + length, sizeof text - 1 - length)) > 0;)
+    length += (size_t)got;
   const int code = outcome_of(child);
   CHECK(code == 2, "exit code %d", code);
   CHECK(!strstr(text, "start -> wait"), "a step was made: %s", text);

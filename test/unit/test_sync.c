@@ -11,7 +11,7 @@
 enum { PERIOD = 1000000, FRAMES_MAX = 20000 };
 
 typedef struct played {
-  int64_t frame_ns[FRAMES_MAX]; // when the device's frames come, ascending
+  int64_t frame_ns[FRAMES_MAX];  // when the device's frames come, ascending
   int frames;
 } played;
 
@@ -19,7 +19,7 @@ typedef struct outcome {
   int steps, on_frame, changes;
   bool following;
   int64_t gap_min_ns, gap_max_ns, last_ns;
-  int64_t waited_max_ns; // of a frame that began a step: from its coming to the step
+  int64_t waited_max_ns;  // of a frame that began a step: from its coming to the step
 } outcome;
 
 static played device;
@@ -27,9 +27,10 @@ static played device;
 static void play_frames(double rate_hz, double jitter_ns, int64_t first_ns, int64_t end_ns) {
   unsigned long long random = 5;
   for (int64_t k = 0; device.frames < FRAMES_MAX; k++) {
-    const double at_ns =
-        (double)first_ns + (double)k * 1e9 / rate_hz + check_uniform(&random, -jitter_ns, jitter_ns);
-    if ((int64_t)at_ns >= end_ns) return;
+    const double at_ns = (double)first_ns + (double)k * 1e9 / rate_hz +
+                         check_uniform(&random, -jitter_ns, jitter_ns);
+    if ((int64_t)at_ns >= end_ns)
+      return;
     device.frame_ns[device.frames++] = (int64_t)at_ns;
   }
 }
@@ -40,9 +41,11 @@ static outcome run_clock(int64_t end_ns) {
   gv_sync_init(&sync, PERIOD);
   outcome o = {.gap_min_ns = INT64_MAX};
   int next = 0;
-  int64_t due_ns = 3 * PERIOD, now_ns = 2 * PERIOD;
+  int64_t due_ns = 3 * PERIOD;
+  int64_t now_ns = 2 * PERIOD;
   while (now_ns < end_ns) {
-    const int64_t opens_ns = gv_sync_opens_ns(&sync, due_ns), closes_ns = gv_sync_closes_ns(&sync, due_ns);
+    const int64_t opens_ns = gv_sync_opens_ns(&sync, due_ns);
+    const int64_t closes_ns = gv_sync_closes_ns(&sync, due_ns);
     int64_t frame_ns = INT64_MIN;
     while (next < device.frames && device.frame_ns[next] <= closes_ns && frame_ns < opens_ns) {
       frame_ns = device.frame_ns[next++];
@@ -50,9 +53,12 @@ static outcome run_clock(int64_t end_ns) {
     }
     const bool on_frame = frame_ns >= opens_ns;
     const int64_t start_ns = !on_frame ? closes_ns : frame_ns > now_ns ? frame_ns : now_ns;
-    if (on_frame && start_ns - frame_ns > o.waited_max_ns) o.waited_max_ns = start_ns - frame_ns;
-    if (o.steps > 0 && start_ns - o.last_ns < o.gap_min_ns) o.gap_min_ns = start_ns - o.last_ns;
-    if (o.steps > 0 && start_ns - o.last_ns > o.gap_max_ns) o.gap_max_ns = start_ns - o.last_ns;
+    if (on_frame && start_ns - frame_ns > o.waited_max_ns)
+      o.waited_max_ns = start_ns - frame_ns;
+    if (o.steps > 0 && start_ns - o.last_ns < o.gap_min_ns)
+      o.gap_min_ns = start_ns - o.last_ns;
+    if (o.steps > 0 && start_ns - o.last_ns > o.gap_max_ns)
+      o.gap_max_ns = start_ns - o.last_ns;
     o.changes += gv_sync_count(&sync, on_frame);
     o.on_frame += on_frame;
     o.steps++;

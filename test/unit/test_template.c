@@ -14,7 +14,8 @@ static uint8_t command_counter;
 static void start(void) {
   char err[200];
   device = (gv_template_device){.connected = true, .age_us = 2000};
-  for (int i = 0; i < GV_SENSORS; i++) device.raw[i] = (uint16_t)(100 + i);
+  for (int i = 0; i < GV_SENSORS; i++)
+    device.raw[i] = (uint16_t)(100 + i);
   now_ns = 0;
   command_counter = 0;
   CHECK(gv_template_open(&device, &driver, err, sizeof err) == 0, "%s", err);
@@ -31,7 +32,8 @@ static int poll_ms(int ms, gv_frame *out, int max) {
 
 static gv_frame command(double index_n, uint8_t flags) {
   gv_frame frame;
-  const gv_command_msg msg = {.counter = command_counter++, .flags = flags, .tension_n = {0, index_n, 0, 0, 0}};
+  const gv_command_msg msg = {
+    .counter = command_counter++, .flags = flags, .tension_n = {0, index_n, 0, 0, 0}};
   gv_fcu_pack_command(&msg, &frame);
   return frame;
 }
@@ -47,7 +49,8 @@ static void test_counters_stamps_and_ages(void) {
     gv_glove_msg msg;
     CHECK(gv_fcu_unpack_glove(&frame[i], &msg) == GV_FCU_OK, "frame %d", i);
     CHECK(msg.counter == (uint8_t)i, "counter %d of frame %d", msg.counter, i);
-    CHECK(frame[i].stamp_ns <= now_ns && (i == 0 || frame[i].stamp_ns > frame[i - 1].stamp_ns), "stamp of frame %d", i);
+    CHECK(frame[i].stamp_ns <= now_ns && (i == 0 || frame[i].stamp_ns > frame[i - 1].stamp_ns),
+          "stamp of frame %d", i);
     CHECK(msg.age_us == 2000 && msg.raw[21] == 121, "age %u, sensor %d", msg.age_us, msg.raw[21]);
   }
   driver.close(driver.self);

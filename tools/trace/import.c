@@ -12,11 +12,11 @@
 #include "table.h"
 #include "trace.h"
 
-enum { ROWS_MAX = 4000000 };       // over an hour at 1 kHz; 0.7 GB while it is made
+enum { ROWS_MAX = 4000000 };  // over an hour at 1 kHz; 0.7 GB while it is made
 
 typedef struct job {
   const char *csv, *wrist, *out;
-  double rate_hz, wrist_rate_hz;   // rate 0: the file's own times
+  double rate_hz, wrist_rate_hz;  // rate 0: the file's own times
   bool left;
   table_format format;
   series hand, pose;
@@ -28,7 +28,8 @@ static double last_time(const series *s) { return series_row(s, s->count - 1)[0]
 static void resample(series *s, double rate_hz) {
   series even = {.width = s->width};
   size_t count = (size_t)(last_time(s) * rate_hz + 1e-9) + 1;
-  for (size_t i = 0, at = 0; i < count; i++) series_at(s, (double)i / rate_hz, &at, series_add(&even));
+  for (size_t i = 0, at = 0; i < count; i++)
+    series_at(s, (double)i / rate_hz, &at, series_add(&even));
   free(s->row);
   *s = even;
 }
@@ -39,7 +40,8 @@ static unsigned fill_glove(const job *j, const gv_calibration *cal, const double
   out->flags = (uint8_t)(GV_GLOVE_DEAD_MAN | (j->left ? GV_GLOVE_LEFT : 0));
   out->stamp_us = (uint32_t)(int64_t)(row[0] * 1e6 + 0.5);
   for (int i = 0; i < GV_SENSORS; i++) {
-    double raw = floor(gv_calibration_raw(cal, i, row[1 + i]) + 0.5), held = gv_clamp(raw, 0, 4095);
+    double raw = floor(gv_calibration_raw(cal, i, row[1 + i]) + 0.5);
+    double held = gv_clamp(raw, 0, 4095);
     beyond += raw != held;
     out->raw[i] = (uint16_t)held;
   }
@@ -60,7 +62,8 @@ static void write_line(FILE *out, gv_frame *frame, double time_s) {
   fputs(line, out);
 }
 
-// Both series in order of time; at equal times the pose first, so that glove and pose of a row belong together.
+// Both series in order of time; at equal times the pose first, so that glove and
+// pose of a row belong together.
 static unsigned write_frames(const job *j, FILE *out) {
   gv_calibration cal = gv_calibration_default();
   gv_glove_msg glove = {0};
@@ -68,7 +71,8 @@ static unsigned write_frames(const job *j, FILE *out) {
   gv_frame frame;
   unsigned beyond = 0;
   for (size_t h = 0, p = 0; h < j->hand.count || p < j->pose.count;) {
-    bool pose_next = p < j->pose.count && (h == j->hand.count || series_row(&j->pose, p)[0] <= series_row(&j->hand, h)[0]);
+    bool pose_next = p < j->pose.count &&
+                     (h == j->hand.count || series_row(&j->pose, p)[0] <= series_row(&j->hand, h)[0]);
     const double *row = pose_next ? series_row(&j->pose, p++) : series_row(&j->hand, h++);
     if (pose_next) {
       fill_pose(row, &pose);
@@ -87,13 +91,16 @@ static unsigned write_frames(const job *j, FILE *out) {
 static void print_beyond(unsigned beyond) {
   const gv_calibration cal = gv_calibration_default();
   const double deg = 180 / GV_PI;
-  if (beyond) fprintf(stderr, "%u angles were beyond the sensors' range (%.0f to %.0f degrees) and held there\n", beyond,
-                      gv_calibration_angle(&cal, 0, 0) * deg, gv_calibration_angle(&cal, 0, 4095) * deg);
+  if (beyond)
+    fprintf(stderr, "%u angles were beyond the sensors' range (%.0f to %.0f degrees) and held there\n",
+            beyond, gv_calibration_angle(&cal, 0, 0) * deg, gv_calibration_angle(&cal, 0, 4095) * deg);
 }
 
 static int write_log(const job *j) {
   FILE *out = strcmp(j->out, "-") == 0 ? stdout : fopen(j->out, "w");
-  if (!out) return trace_fail(EXIT_BAD_INPUT, "%s: cannot be written (%s); choose another place", j->out, strerror(errno));
+  if (!out)
+    return trace_fail(EXIT_BAD_INPUT, "%s: cannot be written (%s); choose another place", j->out,
+                      strerror(errno));
   unsigned beyond = write_frames(j, out);
   bool bad = ferror(out);
   if (fclose(out) || bad)
@@ -109,7 +116,8 @@ static int read_wrist(job *j) {
   int code = table_read_matrices(j->wrist, j->wrist_rate_hz, &wrist);
   free(j->pose.row);
   j->pose = wrist;
-  if (code) return code;
+  if (code)
+    return code;
   double difference_s = last_time(&wrist) - last_time(&j->hand);
   if (fabs(difference_s) > 0.1)
     fprintf(stderr, "the wrist's recording is %.2f s %s than the hand's\n", fabs(difference_s),
@@ -119,58 +127,67 @@ static int read_wrist(job *j) {
 
 static int import(job *j) {
   int code = table_read_csv(j->csv, &j->format, &j->hand, &j->pose);
-  if (!code && j->wrist) code = read_wrist(j);
+  if (!code && j->wrist)
+    code = read_wrist(j);
   if (!code && j->rate_hz * fmax(last_time(&j->hand), last_time(&j->pose)) > ROWS_MAX)
-    code = trace_fail(EXIT_BAD_INPUT, "%s: too long (%.0f s); cut it, or check that t_s is in seconds", j->csv,
-                      last_time(&j->hand));
+    code = trace_fail(EXIT_BAD_INPUT, "%s: too long (%.0f s); cut it, or check that t_s is in seconds",
+                      j->csv, last_time(&j->hand));
   if (!code && j->rate_hz > 0) {
     resample(&j->hand, j->rate_hz);
     resample(&j->pose, j->rate_hz);
   }
-  if (!code) code = write_log(j);
+  if (!code)
+    code = write_log(j);
   free(j->hand.row);
   free(j->pose.row);
   return code;
 }
 
 int trace_import(int argc, char **argv) {
-  static const struct option options[] = {{"wrist", required_argument, NULL, 'w'},
-                                          {"wrist-rate", required_argument, NULL, 'W'},
-                                          {"rate", required_argument, NULL, 'r'},
-                                          {"left", no_argument, NULL, 'l'},
-                                          {"columns", required_argument, NULL, 'c'},
-                                          {"rows", required_argument, NULL, 'R'},
-                                          {"degrees", no_argument, NULL, 'd'},
-                                          {"counts", required_argument, NULL, 'C'},
-                                          {"virtualhand", no_argument, NULL, 'v'},
-                                          {NULL, 0, NULL, 0}};
+  static const struct option options[] = {
+    {"wrist", required_argument, NULL, 'w'},   {"wrist-rate", required_argument, NULL, 'W'},
+    {"rate", required_argument, NULL, 'r'},    {"left", no_argument, NULL, 'l'},
+    {"columns", required_argument, NULL, 'c'}, {"rows", required_argument, NULL, 'R'},
+    {"degrees", no_argument, NULL, 'd'},       {"counts", required_argument, NULL, 'C'},
+    {"virtualhand", no_argument, NULL, 'v'},   {NULL, 0, NULL, 0}};
   job j = {.wrist_rate_hz = 100, .format = {.unit_rad = 1}};
   opterr = 0;
   for (int c; (c = getopt_long(argc, argv, "o:", options, NULL)) != -1;) {
     bool good = true;
-    if (c == 'o') j.out = optarg;
-    else if (c == 'w') j.wrist = optarg;
-    else if (c == 'l') j.left = true;
-    else if (c == 'c') j.format.columns = optarg;
-    else if (c == 'd') j.format.unit_rad = GV_PI / 180;
-    else if (c == 'v') j.format.virtualhand = true;
-    else if (c == 'R') good = trace_number(optarg, 0.1, 10000, &j.format.rows_hz);
+    if (c == 'o')
+      j.out = optarg;
+    else if (c == 'w')
+      j.wrist = optarg;
+    else if (c == 'l')
+      j.left = true;
+    else if (c == 'c')
+      j.format.columns = optarg;
+    else if (c == 'd')
+      j.format.unit_rad = GV_PI / 180;
+    else if (c == 'v')
+      j.format.virtualhand = true;
+    else if (c == 'R')
+      good = trace_number(optarg, 0.1, 10000, &j.format.rows_hz);
     else if (c == 'C') {
       j.format.unit_rad = 0;
       if (!trace_number(optarg, 1, 65535, &j.format.counts))
-        return trace_fail(EXIT_BAD_INPUT, "import: --counts %s; give the largest count, such as 255 or 4095", optarg);
-    }
-    else if (c == 'W') good = trace_number(optarg, 0.1, 10000, &j.wrist_rate_hz);
-    else if (c == 'r') good = trace_number(optarg, 0.1, 10000, &j.rate_hz);
+        return trace_fail(EXIT_BAD_INPUT, "import: --counts %s; give the largest count, such as 255 or 4095",
+                          optarg);
+    } else if (c == 'W')
+      good = trace_number(optarg, 0.1, 10000, &j.wrist_rate_hz);
+    else if (c == 'r')
+      good = trace_number(optarg, 0.1, 10000, &j.rate_hz);
     else
       return trace_fail(EXIT_BAD_INPUT, "import: %s is no option or lacks its value; see gloved-trace --help",
                         argv[optind - 1]);
-    if (!good) return trace_fail(EXIT_BAD_INPUT, "import: %s is no rate; give 0.1 to 10000 Hz", optarg);
+    if (!good)
+      return trace_fail(EXIT_BAD_INPUT, "import: %s is no rate; give 0.1 to 10000 Hz", optarg);
   }
   if (!j.out || optind + 1 != argc)
     return trace_fail(EXIT_BAD_INPUT, "import: give one CSV and -o FILE; see gloved-trace --help");
   if (j.format.unit_rad == 0 && j.format.virtualhand)
-    return trace_fail(EXIT_BAD_INPUT, "import: --virtualhand is about angles, and counts are none; leave one of them out");
+    return trace_fail(EXIT_BAD_INPUT,
+                      "import: --virtualhand is about angles, and counts are none; leave one of them out");
   j.csv = argv[optind];
   return import(&j);
 }

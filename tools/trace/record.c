@@ -41,7 +41,8 @@ static bool write_frames(gv_driver *link, int64_t day_offset_ns, FILE *out) {
 
 static int record(gv_driver *link, FILE *out, const char *path, double duration_s) {
   const struct timespec pause = {.tv_nsec = 1000000};
-  int64_t start = clock_ns(CLOCK_MONOTONIC), day_offset_ns = clock_ns(CLOCK_REALTIME) - start;
+  int64_t start = clock_ns(CLOCK_MONOTONIC);
+  int64_t day_offset_ns = clock_ns(CLOCK_REALTIME) - start;
   bool good = true;
   while (good && !stop && (double)(clock_ns(CLOCK_MONOTONIC) - start) < duration_s * 1e9) {
     nanosleep(&pause, NULL);
@@ -53,9 +54,10 @@ static int record(gv_driver *link, FILE *out, const char *path, double duration_
     return trace_fail(EXIT_FAULT, "%s: cannot be written (%s); free the disk or choose another place", path,
                       strerror(errno));
   if (s.rx == 0)
-    return trace_fail(EXIT_FAULT, "no frame came in %.1f s (%llu datagrams of others, %llu broken); "
-                      "check that the device sends to this port", took_s, (unsigned long long)s.foreign,
-                      (unsigned long long)s.bad);
+    return trace_fail(EXIT_FAULT,
+                      "no frame came in %.1f s (%llu datagrams of others, %llu broken); "
+                      "check that the device sends to this port",
+                      took_s, (unsigned long long)s.foreign, (unsigned long long)s.bad);
   fprintf(stderr, "%llu frames in %.1f s, %llu datagrams lost, %llu broken, %llu of others\n",
           (unsigned long long)s.rx, took_s, (unsigned long long)s.lost, (unsigned long long)s.bad,
           (unsigned long long)s.foreign);
@@ -63,16 +65,18 @@ static int record(gv_driver *link, FILE *out, const char *path, double duration_
 }
 
 int trace_record(int argc, char **argv) {
-  static const struct option options[] = {{"udp", required_argument, NULL, 'u'},
-                                          {"duration", required_argument, NULL, 'd'},
-                                          {NULL, 0, NULL, 0}};
-  const char *url = NULL, *path = NULL;
+  static const struct option options[] = {
+    {"udp", required_argument, NULL, 'u'}, {"duration", required_argument, NULL, 'd'}, {NULL, 0, NULL, 0}};
+  const char *url = NULL;
+  const char *path = NULL;
   double duration_s = HUGE_VAL;
   char err[400];
   opterr = 0;
   for (int c; (c = getopt_long(argc, argv, "o:", options, NULL)) != -1;) {
-    if (c == 'u') url = optarg;
-    else if (c == 'o') path = optarg;
+    if (c == 'u')
+      url = optarg;
+    else if (c == 'o')
+      path = optarg;
     else if (c != 'd')
       return trace_fail(EXIT_BAD_INPUT, "record: %s is no option or lacks its value; see gloved-trace --help",
                         argv[optind - 1]);
@@ -80,9 +84,11 @@ int trace_record(int argc, char **argv) {
       return trace_fail(EXIT_BAD_INPUT, "record: --duration %s is no time; give seconds above 0", optarg);
   }
   if (!url || !path || optind != argc)
-    return trace_fail(EXIT_BAD_INPUT, "record: give --udp URL and -o FILE and nothing else; see gloved-trace --help");
+    return trace_fail(EXIT_BAD_INPUT,
+                      "record: give --udp URL and -o FILE and nothing else; see gloved-trace --help");
   gv_driver link;
-  if (gv_udp_open(url, &link, err, sizeof err)) return trace_fail(EXIT_BAD_INPUT, "%s", err);
+  if (gv_udp_open(url, &link, err, sizeof err))
+    return trace_fail(EXIT_BAD_INPUT, "%s", err);
   FILE *out = strcmp(path, "-") == 0 ? stdout : fopen(path, "w");
   int code = EXIT_BAD_INPUT;
   if (!out) {

@@ -15,15 +15,15 @@ typedef enum gv_verdict { GV_VERDICT_PASS, GV_VERDICT_WARN, GV_VERDICT_FAIL } gv
 enum { GV_FINDING_TEXT = 200 };
 
 typedef struct gv_finding {
-  const char *check; // its name, for people and for --json
+  const char *check;  // its name, for people and for --json
   gv_verdict verdict;
-  char found[GV_FINDING_TEXT]; // what it is on this machine
-  char mend[GV_FINDING_TEXT];  // the command that mends it; empty with PASS
+  char found[GV_FINDING_TEXT];  // what it is on this machine
+  char mend[GV_FINDING_TEXT];   // the command that mends it; empty with PASS
 } gv_finding;
 
 typedef struct gv_doctor {
-  const char *root;            // in front of /proc, /sys and /dev; "" on a real machine
-  const gv_settings *settings; // which core, priority, CAN interface, LCM group and serial lines are meant
+  const char *root;             // in front of /proc, /sys and /dev; "" on a real machine
+  const gv_settings *settings;  // which core, priority, CAN interface, LCM group and serial lines are meant
 } gv_doctor;
 
 typedef void gv_examine(const gv_doctor *doctor, gv_finding *out);

@@ -13,7 +13,9 @@ enum { MTU_CLASSIC = 16, MTU_FD = 72, QUEUE_LEAST = 5, QUEUE_MOST = 100 };
 // ---- CAN -------------------------------------------------------------------------------------------------
 
 static void judge_can(const gv_doctor *doctor, const char *iface, gv_finding *out) {
-  long mtu = 0, flags = 0, queue = QUEUE_LEAST;
+  long mtu = 0;
+  long flags = 0;
+  long queue = QUEUE_LEAST;
   char state[32];
   const bool there = tree_number(doctor, &mtu, "/sys/class/net/%s/mtu", iface);
   tree_number(doctor, &flags, "/sys/class/net/%s/flags", iface);
@@ -46,8 +48,10 @@ static void judge_can(const gv_doctor *doctor, const char *iface, gv_finding *ou
 
 void gv_examine_can(const gv_doctor *doctor, gv_finding *out) {
   char iface[IFNAMSIZ];
-  if (sscanf(doctor->settings->fcu, "can:%15s", iface) == 1) judge_can(doctor, iface, out);
-  else doctor_finds(out, GV_VERDICT_PASS, "not used (--fcu can:IFACE)");
+  if (sscanf(doctor->settings->fcu, "can:%15s", iface) == 1)
+    judge_can(doctor, iface, out);
+  else
+    doctor_finds(out, GV_VERDICT_PASS, "not used (--fcu can:IFACE)");
 }
 
 // ---- LCM -------------------------------------------------------------------------------------------------
@@ -100,7 +104,8 @@ void gv_examine_buffers(const gv_doctor *doctor, gv_finding *out) {
   enum { WANTED = 1 << 20, LEAST = 200000 };
   long most = 0;
   tree_number(doctor, &most, "/proc/sys/net/core/rmem_max");
-  if (most >= WANTED) doctor_finds(out, GV_VERDICT_PASS, "a socket may hold %ld kB", most / 1000);
+  if (most >= WANTED)
+    doctor_finds(out, GV_VERDICT_PASS, "a socket may hold %ld kB", most / 1000);
   else if (most >= LEAST)
     doctor_finds(out, GV_VERDICT_WARN,
                  "a socket may hold %ld kB: a stall of 0.3 s loses frames, large LCM messages arrive torn",
@@ -121,9 +126,11 @@ typedef struct timers {
 static void look_at_line(const gv_doctor *doctor, const char *name, void *user) {
   timers *t = user;
   long ms = 0;
-  if (!tree_number(doctor, &ms, "/sys/bus/usb-serial/devices/%s/latency_timer", name)) return;
+  if (!tree_number(doctor, &ms, "/sys/bus/usb-serial/devices/%s/latency_timer", name))
+    return;
   t->lines++;
-  if (ms <= t->slowest_ms) return;
+  if (ms <= t->slowest_ms)
+    return;
   t->slowest_ms = ms;
   snprintf(t->name, sizeof t->name, "%s", name);
 }
@@ -133,10 +140,12 @@ static void look_at_line(const gv_doctor *doctor, const char *name, void *user) 
 void gv_examine_serial(const gv_doctor *doctor, gv_finding *out) {
   timers t = {0};
   tree_each(doctor, "/sys/bus/usb-serial/devices", "ttyUSB", look_at_line, &t);
-  const bool used =
-      t.lines && (strstr(doctor->settings->fcu, t.name) || strstr(doctor->settings->tracker, t.name));
-  if (t.lines == 0) doctor_finds(out, GV_VERDICT_PASS, "no converter with a latency timer");
-  else if (t.slowest_ms <= 1) doctor_finds(out, GV_VERDICT_PASS, "%d lines, latency timers at 1 ms", t.lines);
+  const bool used = t.lines &&
+                    (strstr(doctor->settings->fcu, t.name) || strstr(doctor->settings->tracker, t.name));
+  if (t.lines == 0)
+    doctor_finds(out, GV_VERDICT_PASS, "no converter with a latency timer");
+  else if (t.slowest_ms <= 1)
+    doctor_finds(out, GV_VERDICT_PASS, "%d lines, latency timers at 1 ms", t.lines);
   else
     doctor_finds(out, used && t.slowest_ms >= 16 ? GV_VERDICT_FAIL : GV_VERDICT_WARN,
                  "%s holds bytes back for %ld ms", t.name, t.slowest_ms);

@@ -25,7 +25,8 @@ static long long soft_limit(const gv_doctor *doctor, const char *name) {
   char text[TREE_TEXT];
   tree_read(doctor, text, sizeof text, "/proc/self/limits");
   const char *limit = tree_line(text, name);
-  if (!limit) return 0;
+  if (!limit)
+    return 0;
   return strncmp(limit, "unlimited", 9) == 0 ? -1 : atoll(limit);
 }
 
@@ -34,7 +35,8 @@ void gv_examine_kernel(const gv_doctor *doctor, gv_finding *out) {
   long realtime = 0;
   tree_read(doctor, version, sizeof version, "/proc/version");
   tree_number(doctor, &realtime, "/sys/kernel/realtime");
-  if (realtime == 1 || strstr(version, "PREEMPT_RT")) doctor_finds(out, GV_VERDICT_PASS, "PREEMPT_RT");
+  if (realtime == 1 || strstr(version, "PREEMPT_RT"))
+    doctor_finds(out, GV_VERDICT_PASS, "PREEMPT_RT");
   else if (strstr(version, "PREEMPT"))
     doctor_finds(out, GV_VERDICT_WARN,
                  "preemptible, but not PREEMPT_RT: a driver can hold the loop up for milliseconds");
@@ -47,30 +49,39 @@ void gv_examine_kernel(const gv_doctor *doctor, gv_finding *out) {
 void gv_examine_priority(const gv_doctor *doctor, gv_finding *out) {
   const int wanted = doctor->settings->rt_priority;
   const long long limit = soft_limit(doctor, "Max realtime priority");
-  if (wanted == 0) doctor_finds(out, GV_VERDICT_WARN, "the settings ask for ordinary scheduling");
+  if (wanted == 0)
+    doctor_finds(out, GV_VERDICT_WARN, "the settings ask for ordinary scheduling");
   else if (has_capability(doctor, CAP_SYS_NICE_BIT))
     doctor_finds(out, GV_VERDICT_PASS, "SCHED_FIFO %d is allowed (CAP_SYS_NICE)", wanted);
   else if (limit < 0 || limit >= wanted)
     doctor_finds(out, GV_VERDICT_PASS, "SCHED_FIFO %d is allowed", wanted);
   else if (limit > 0)
     doctor_finds(out, GV_VERDICT_WARN, "SCHED_FIFO only up to %lld, and %d is configured", limit, wanted);
-  else doctor_finds(out, GV_VERDICT_FAIL, "no real-time priority is allowed");
-  if (wanted == 0) doctor_mends(out, "set realtime.priority = 80 in --config, and leave --no-rt out");
-  else doctor_mends(out, "%s", setcap);
+  else
+    doctor_finds(out, GV_VERDICT_FAIL, "no real-time priority is allowed");
+  if (wanted == 0)
+    doctor_mends(out, "set realtime.priority = 80 in --config, and leave --no-rt out");
+  else
+    doctor_mends(out, "%s", setcap);
 }
 
 void gv_examine_memory(const gv_doctor *doctor, gv_finding *out) {
-  const long long bytes = soft_limit(doctor, "Max locked memory"), mb = bytes / 1000000;
-  if (!doctor->settings->mlock) doctor_finds(out, GV_VERDICT_WARN, "the settings do not lock memory");
+  const long long bytes = soft_limit(doctor, "Max locked memory");
+  const long long mb = bytes / 1000000;
+  if (!doctor->settings->mlock)
+    doctor_finds(out, GV_VERDICT_WARN, "the settings do not lock memory");
   else if (bytes < 0 || has_capability(doctor, CAP_IPC_LOCK_BIT))
     doctor_finds(out, GV_VERDICT_PASS, "any amount may be locked");
-  else if (mb >= LOCKED_ENOUGH_MB) doctor_finds(out, GV_VERDICT_PASS, "%lld MB may be locked", mb);
+  else if (mb >= LOCKED_ENOUGH_MB)
+    doctor_finds(out, GV_VERDICT_PASS, "%lld MB may be locked", mb);
   else if (mb >= LOCKED_LEAST_MB)
     doctor_finds(out, GV_VERDICT_WARN, "%lld MB may be locked: enough for small scenes", mb);
-  else doctor_finds(out, GV_VERDICT_FAIL, "%lld MB may be locked, a box needs some 31", mb);
+  else
+    doctor_finds(out, GV_VERDICT_FAIL, "%lld MB may be locked, a box needs some 31", mb);
   if (!doctor->settings->mlock)
     doctor_mends(out, "set realtime.mlock = true in --config, and leave --no-rt out");
-  else doctor_mends(out, "%s", setcap);
+  else
+    doctor_mends(out, "%s", setcap);
 }
 
 // ---- the CPU budget of control groups -------------------------------------------------------------------
@@ -78,10 +89,11 @@ void gv_examine_memory(const gv_doctor *doctor, gv_finding *out) {
 typedef struct budget {
   double cores;
   char file[256];
-} budget; // cores: HUGE_VAL without a budget
+} budget;  // cores: HUGE_VAL without a budget
 
 static void keep_smaller(budget *least, double cores, const char *file) {
-  if (cores >= least->cores) return;
+  if (cores >= least->cores)
+    return;
   least->cores = cores;
   snprintf(least->file, sizeof least->file, "%s", file);
 }
@@ -89,7 +101,8 @@ static void keep_smaller(budget *least, double cores, const char *file) {
 // cpu.max of version 2 ("max 100000" or "50000 100000"), cpu.cfs_quota_us of version 1 (-1: none).
 static void look_into_group(const gv_doctor *doctor, const char *mount, const char *group, budget *least) {
   char file[256], text[64];
-  double quota = 0, period = 100000;
+  double quota = 0;
+  double period = 100000;
   snprintf(file, sizeof file, "%s%.200s/cpu.max", mount, group);
   if (tree_read(doctor, text, sizeof text, "%s", file) && sscanf(text, "%lf %lf", &quota, &period) == 2 &&
       period > 0)
@@ -116,15 +129,19 @@ void gv_examine_cgroup(const gv_doctor *doctor, gv_finding *out) {
   budget least = {HUGE_VAL, ""};
   tree_read(doctor, groups, sizeof groups, "/proc/self/cgroup");
   for (const char *line = groups; line && *line; line = strchr(line, '\n') ? strchr(line, '\n') + 1 : NULL) {
-    const char *controllers = strchr(line, ':'), *group = controllers ? strchr(controllers + 1, ':') : NULL;
-    if (!group) continue;
-    if (controllers[1] == ':') look_upwards(doctor, "/sys/fs/cgroup", group + 1, &least);
+    const char *controllers = strchr(line, ':');
+    const char *group = controllers ? strchr(controllers + 1, ':') : NULL;
+    if (!group)
+      continue;
+    if (controllers[1] == ':')
+      look_upwards(doctor, "/sys/fs/cgroup", group + 1, &least);
     else if (strncmp(controllers, ":cpu:", 5) == 0)
       look_upwards(doctor, "/sys/fs/cgroup/cpu", group + 1, &least);
     else if (strncmp(controllers, ":cpu,cpuacct:", 13) == 0)
       look_upwards(doctor, "/sys/fs/cgroup/cpu,cpuacct", group + 1, &least);
   }
-  if (least.cores == HUGE_VAL) doctor_finds(out, GV_VERDICT_PASS, "no CPU budget");
+  if (least.cores == HUGE_VAL)
+    doctor_finds(out, GV_VERDICT_PASS, "no CPU budget");
   else if (least.cores >= 1.0)
     doctor_finds(out, GV_VERDICT_WARN, "a budget of %.2f cores: spent by others, it stops the slow thread",
                  least.cores);
@@ -138,15 +155,19 @@ void gv_examine_cgroup(const gv_doctor *doctor, gv_finding *out) {
 // The kernel takes the processor away from real-time threads that use more than this. The loop sleeps most of
 // the time, so the default (95 %) is a net against a loop that runs away, and not in its way.
 void gv_examine_throttling(const gv_doctor *doctor, gv_finding *out) {
-  long runtime_us = 0, period_us = 1000000;
+  long runtime_us = 0;
+  long period_us = 1000000;
   const bool known = tree_number(doctor, &runtime_us, "/proc/sys/kernel/sched_rt_runtime_us");
   tree_number(doctor, &period_us, "/proc/sys/kernel/sched_rt_period_us");
   const double share = period_us > 0 ? 100.0 * (double)runtime_us / (double)period_us : 0;
-  if (!known || runtime_us < 0) doctor_finds(out, GV_VERDICT_PASS, "no throttling");
+  if (!known || runtime_us < 0)
+    doctor_finds(out, GV_VERDICT_PASS, "no throttling");
   else if (share >= 90)
     doctor_finds(out, GV_VERDICT_PASS, "real-time threads may use %.0f %%, the loop uses a few", share);
-  else if (share >= 50) doctor_finds(out, GV_VERDICT_WARN, "real-time threads may use %.0f %% only", share);
-  else doctor_finds(out, GV_VERDICT_FAIL, "real-time threads may use %.0f %% only", share);
+  else if (share >= 50)
+    doctor_finds(out, GV_VERDICT_WARN, "real-time threads may use %.0f %% only", share);
+  else
+    doctor_finds(out, GV_VERDICT_FAIL, "real-time threads may use %.0f %% only", share);
   doctor_mends(out, "sudo sysctl -w kernel.sched_rt_runtime_us=950000 kernel.sched_rt_period_us=1000000");
 }
 

@@ -23,10 +23,14 @@ static void count_governor(const gv_doctor *doctor, const char *cpu, void *user)
     return;
   tree_read(doctor, driver, sizeof driver, "/sys/devices/system/cpu/%s/cpufreq/scaling_driver", cpu);
   const bool own_driver = strstr(driver, "pstate") != NULL;
-  if (strcmp(governor, "performance") == 0) g->performance++;
-  else if (strcmp(governor, "powersave") == 0 && !own_driver) g->lowest++;
-  else g->dynamic++;
-  if (strcmp(governor, "performance") != 0) snprintf(g->name, sizeof g->name, "%s", governor);
+  if (strcmp(governor, "performance") == 0)
+    g->performance++;
+  else if (strcmp(governor, "powersave") == 0 && !own_driver)
+    g->lowest++;
+  else
+    g->dynamic++;
+  if (strcmp(governor, "performance") != 0)
+    snprintf(g->name, sizeof g->name, "%s", governor);
 }
 
 void gv_examine_governor(const gv_doctor *doctor, gv_finding *out) {
@@ -37,8 +41,10 @@ void gv_examine_governor(const gv_doctor *doctor, gv_finding *out) {
   else if (g.dynamic)
     doctor_finds(out, GV_VERDICT_WARN, "%d cores follow their load (%s): a step after a pause takes longer",
                  g.dynamic, g.name);
-  else if (g.performance) doctor_finds(out, GV_VERDICT_PASS, "performance");
-  else doctor_finds(out, GV_VERDICT_PASS, "the kernel does not change the frequency");
+  else if (g.performance)
+    doctor_finds(out, GV_VERDICT_PASS, "performance");
+  else
+    doctor_finds(out, GV_VERDICT_PASS, "the kernel does not change the frequency");
   doctor_mends(out, "echo performance | sudo tee /sys/devices/system/cpu/cpu*/cpufreq/scaling_governor");
 }
 
@@ -52,10 +58,12 @@ typedef struct sleep_states {
 
 static void look_at_state(const gv_doctor *doctor, const char *state, void *user) {
   sleep_states *s = user;
-  long latency_us = 0, disabled = 0;
+  long latency_us = 0;
+  long disabled = 0;
   tree_number(doctor, &latency_us, "/sys/devices/system/cpu/cpu%d/cpuidle/%s/latency", s->cpu, state);
   tree_number(doctor, &disabled, "/sys/devices/system/cpu/cpu%d/cpuidle/%s/disable", s->cpu, state);
-  if (disabled || latency_us <= s->slowest_us) return;
+  if (disabled || latency_us <= s->slowest_us)
+    return;
   s->slowest_us = latency_us;
   tree_read(doctor, s->name, sizeof s->name, "/sys/devices/system/cpu/cpu%d/cpuidle/%s/name", s->cpu, state);
 }
@@ -66,7 +74,8 @@ void gv_examine_idle(const gv_doctor *doctor, gv_finding *out) {
   snprintf(directory, sizeof directory, "/sys/devices/system/cpu/cpu%d/cpuidle", s.cpu);
   tree_each(doctor, directory, "state", look_at_state, &s);
   const bool held = doctor->settings->cpu_dma_latency && tree_may_write(doctor, "/dev/cpu_dma_latency");
-  if (s.slowest_us <= 2) doctor_finds(out, GV_VERDICT_PASS, "core %d does not sleep deeply", s.cpu);
+  if (s.slowest_us <= 2)
+    doctor_finds(out, GV_VERDICT_PASS, "core %d does not sleep deeply", s.cpu);
   else if (held)
     doctor_finds(out, GV_VERDICT_PASS, "gloved keeps the cores awake while it runs (/dev/cpu_dma_latency)");
   else if (s.slowest_us <= 50)
@@ -77,14 +86,16 @@ void gv_examine_idle(const gv_doctor *doctor, gv_finding *out) {
                  s.name);
   if (doctor->settings->cpu_dma_latency)
     doctor_mends(out, "sudo setfacl -m u:$USER:w /dev/cpu_dma_latency (or run gloved as root)");
-  else doctor_mends(out, "set realtime.cpu_dma_latency = true in --config");
+  else
+    doctor_mends(out, "set realtime.cpu_dma_latency = true in --config");
 }
 
 // ---- clock -----------------------------------------------------------------------------------------------
 
 static bool one_of(const char *word, const char *const *list) {
   for (; *list; list++)
-    if (strcmp(word, *list) == 0) return true;
+    if (strcmp(word, *list) == 0)
+      return true;
   return false;
 }
 
@@ -98,13 +109,16 @@ void gv_examine_clock(const gv_doctor *doctor, gv_finding *out) {
             "/sys/devices/system/clocksource/clocksource0/current_clocksource");
   tree_read(doctor, available, sizeof available,
             "/sys/devices/system/clocksource/clocksource0/available_clocksource");
-  if (one_of(source, by_vdso)) doctor_finds(out, GV_VERDICT_PASS, "%s", source);
+  if (one_of(source, by_vdso))
+    doctor_finds(out, GV_VERDICT_PASS, "%s", source);
   else if (one_of(source, slow))
     doctor_finds(out, GV_VERDICT_FAIL, "%s: reading it takes microseconds", source);
-  else doctor_finds(out, GV_VERDICT_WARN, "%s: reading it takes a system call", *source ? source : "unknown");
+  else
+    doctor_finds(out, GV_VERDICT_WARN, "%s: reading it takes a system call", *source ? source : "unknown");
   if (strstr(available, "tsc"))
     doctor_mends(out, "echo tsc | sudo tee /sys/devices/system/clocksource/clocksource0/current_clocksource");
-  else doctor_mends(out, "boot with tsc=reliable where the processor's counter is sound");
+  else
+    doctor_mends(out, "boot with tsc=reliable where the processor's counter is sound");
 }
 
 // ---- interrupts ------------------------------------------------------------------------------------------
@@ -117,7 +131,8 @@ static void count_interrupt(const gv_doctor *doctor, const char *number, void *u
   interrupts *i = user;
   char list[256];
   if (!tree_read(doctor, list, sizeof list, "/proc/irq/%s/effective_affinity_list", number) || !*list)
-    if (!tree_read(doctor, list, sizeof list, "/proc/irq/%s/smp_affinity_list", number)) return;
+    if (!tree_read(doctor, list, sizeof list, "/proc/irq/%s/smp_affinity_list", number))
+      return;
   i->all++;
   i->here += tree_list_has(list, i->core);
 }
@@ -129,13 +144,16 @@ void gv_examine_interrupts(const gv_doctor *doctor, gv_finding *out) {
     doctor_finds(out, GV_VERDICT_PASS, "none of %d is served by core %d, the loop's", i.all, i.core);
   else if (i.here < i.all)
     doctor_finds(out, GV_VERDICT_WARN, "%d of %d are served by core %d, the loop's", i.here, i.all, i.core);
-  else doctor_finds(out, GV_VERDICT_FAIL, "all %d are served by core %d, the loop's", i.all, i.core);
-  if (tree_cores(doctor) < 2) doctor_mends(out, "give the machine a second core");
+  else
+    doctor_finds(out, GV_VERDICT_FAIL, "all %d are served by core %d, the loop's", i.all, i.core);
+  if (tree_cores(doctor) < 2)
+    doctor_mends(out, "give the machine a second core");
   else if (i.here < i.all)
     doctor_mends(
         out,
         "for i in /proc/irq/[0-9]*; do echo 0 | sudo tee $i/smp_affinity_list; done (some cannot be moved)");
-  else doctor_mends(out, "set realtime.cpu in --config to another core");
+  else
+    doctor_mends(out, "set realtime.cpu in --config to another core");
 }
 
 // ---- a processor of its own ------------------------------------------------------------------------------
@@ -144,7 +162,8 @@ void gv_examine_guest(const gv_doctor *doctor, gv_finding *out) {
   char text[TREE_TEXT], hypervisor[64];
   tree_read(doctor, text, sizeof text, "/proc/cpuinfo");
   tree_read(doctor, hypervisor, sizeof hypervisor, "/sys/hypervisor/type");
-  const char *model = tree_line(text, "model name"), *flags = tree_line(text, "flags");
+  const char *model = tree_line(text, "model name");
+  const char *flags = tree_line(text, "flags");
   const char *flag = flags ? strstr(flags, " hypervisor") : NULL;
   const bool guest = *hypervisor || (flag && flag < flags + strcspn(flags, "\n"));
   if (model && strncmp(model, "QEMU", 4) == 0)
@@ -152,6 +171,7 @@ void gv_examine_guest(const gv_doctor *doctor, gv_finding *out) {
   else if (guest)
     doctor_finds(out, GV_VERDICT_WARN,
                  "a virtual machine: its host can make it stand still for milliseconds");
-  else doctor_finds(out, GV_VERDICT_PASS, "not a virtual machine");
+  else
+    doctor_finds(out, GV_VERDICT_PASS, "not a virtual machine");
   doctor_mends(out, "run gloved on the machine itself");
 }

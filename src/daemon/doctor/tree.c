@@ -14,13 +14,16 @@ enum { PATH_TEXT = 512 };
 static bool read_file(const gv_doctor *doctor, char *out, size_t size, const char *path) {
   char whole[PATH_TEXT];
   out[0] = '\0';
-  if (snprintf(whole, sizeof whole, "%s%s", doctor->root, path) >= (int)sizeof whole) return false;
+  if (snprintf(whole, sizeof whole, "%s%s", doctor->root, path) >= (int)sizeof whole)
+    return false;
   FILE *file = fopen(whole, "r");
-  if (!file) return false;
+  if (!file)
+    return false;
   size_t length = fread(out, 1, size - 1, file);
   const bool sound = !ferror(file);
   fclose(file);
-  while (length > 0 && out[length - 1] == '\n') length--;
+  while (length > 0 && out[length - 1] == '\n')
+    length--;
   out[length] = '\0';
   return sound;
 }
@@ -40,7 +43,8 @@ bool tree_number(const gv_doctor *doctor, long *out, const char *path, ...) {
   va_start(arguments, path);
   vsnprintf(name, sizeof name, path, arguments);
   va_end(arguments);
-  if (!read_file(doctor, text, sizeof text, name)) return false;
+  if (!read_file(doctor, text, sizeof text, name))
+    return false;
   *out = strtol(text, &end, 0);
   return end != text;
 }
@@ -57,7 +61,8 @@ void tree_each(const gv_doctor *doctor, const char *directory, const char *prefi
   const size_t n = strlen(prefix);
   snprintf(whole, sizeof whole, "%s%s", doctor->root, directory);
   DIR *open_directory = opendir(whole);
-  if (!open_directory) return;
+  if (!open_directory)
+    return;
   for (const struct dirent *entry; (entry = readdir(open_directory));)
     if (strncmp(entry->d_name, prefix, n) == 0 && isdigit((unsigned char)entry->d_name[n]))
       visit(doctor, entry->d_name, user);
@@ -67,10 +72,13 @@ void tree_each(const gv_doctor *doctor, const char *directory, const char *prefi
 const char *tree_line(const char *text, const char *name) {
   const size_t n = strlen(name);
   for (const char *line = text; line; line = strchr(line, '\n')) {
-    if (*line == '\n') line++;
-    if (strncmp(line, name, n) != 0) continue;
+    if (*line == '\n')
+      line++;
+    if (strncmp(line, name, n) != 0)
+      continue;
     line += n;
-    while (*line == ' ' || *line == '\t' || *line == ':') line++;
+    while (*line == ' ' || *line == '\t' || *line == ':')
+      line++;
     return line;
   }
   return NULL;
@@ -80,11 +88,14 @@ bool tree_list_has(const char *list, int core) {
   while (*list) {
     char *end;
     const long first = strtol(list, &end, 10);
-    if (end == list) return false;
+    if (end == list)
+      return false;
     const long last = *end == '-' ? strtol(end + 1, &end, 10) : first;
-    if (core >= first && core <= last) return true;
+    if (core >= first && core <= last)
+      return true;
     list = *end == ',' ? end + 1 : end;
-    if (*end != ',') return false;
+    if (*end != ',')
+      return false;
   }
   return false;
 }
@@ -92,9 +103,11 @@ bool tree_list_has(const char *list, int core) {
 static int last_online(const gv_doctor *doctor) {
   char list[256];
   int last = 0;
-  if (!tree_read(doctor, list, sizeof list, "/sys/devices/system/cpu/online")) return 0;
+  if (!tree_read(doctor, list, sizeof list, "/sys/devices/system/cpu/online"))
+    return 0;
   for (int core = 0; core < 1024; core++)
-    if (tree_list_has(list, core)) last = core;
+    if (tree_list_has(list, core))
+      last = core;
   return last;
 }
 
@@ -115,6 +128,7 @@ void doctor_finds(gv_finding *out, gv_verdict verdict, const char *text, ...) {
 void doctor_mends(gv_finding *out, const char *text, ...) {
   va_list arguments;
   va_start(arguments, text);
-  if (out->verdict != GV_VERDICT_PASS) vsnprintf(out->mend, sizeof out->mend, text, arguments);
+  if (out->verdict != GV_VERDICT_PASS)
+    vsnprintf(out->mend, sizeof out->mend, text, arguments);
   va_end(arguments);
 }

@@ -5,7 +5,7 @@
 
 #include "daemon/doctor/doctor.h"
 
-enum { TREE_TEXT = 16384 }; // of a file; the rest is cut off
+enum { TREE_TEXT = 16384 };  // of a file; the rest is cut off
 
 // The file's text without its last newline. False where it cannot be read; out is then "".
 __attribute__((format(printf, 4, 5))) bool tree_read(const gv_doctor *doctor, char *out, size_t size,

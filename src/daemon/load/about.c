@@ -15,7 +15,8 @@
 #include "gloved/version.h"
 
 static uint64_t hash_bytes(uint64_t hash, const char *bytes, size_t size) {
-  for (size_t i = 0; i < size; i++) hash = (hash ^ (unsigned char)bytes[i]) * 0x100000001b3ULL;
+  for (size_t i = 0; i < size; i++)
+    hash = (hash ^ (unsigned char)bytes[i]) * 0x100000001b3ULL;
   return hash;
 }
 
@@ -27,18 +28,23 @@ void gv_about_read_file(const char *name, gv_about_file *out) {
   *out = (gv_about_file){.hash = hash_start};
   snprintf(out->name, sizeof out->name, "%s", name);
   struct stat there;
-  if (stat(name, &there) != 0 || !S_ISREG(there.st_mode)) return;
+  if (stat(name, &there) != 0 || !S_ISREG(there.st_mode))
+    return;
   FILE *file = fopen(name, "rb");
-  if (!file) return;
+  if (!file)
+    return;
   const bool small = there.st_size < GV_ABOUT_TEXT_MAX;
   char *text = small ? calloc(1, (size_t)there.st_size + 1) : NULL;
   for (size_t got; (got = fread(part, 1, sizeof part, file)) > 0; out->size += got) {
     out->hash = hash_bytes(out->hash, part, got);
-    if (text && out->size + got <= (size_t)there.st_size) memcpy(text + out->size, part, got);
+    if (text && out->size + got <= (size_t)there.st_size)
+      memcpy(text + out->size, part, got);
   }
   fclose(file);
-  if (text && out->size == (size_t)there.st_size && !memchr(text, 0, out->size)) out->text = text;
-  else free(text);
+  if (text && out->size == (size_t)there.st_size && !memchr(text, 0, out->size))
+    out->text = text;
+  else
+    free(text);
 }
 
 void gv_about_command_line(int argc, char **argv, char out[1024]) {
@@ -75,24 +81,32 @@ const char *gv_about_small_text(const gv_about_file *file) {
 static void put_text(FILE *out, const char *key, const char *text) {
   fprintf(out, "%s = \"", key);
   for (const char *c = text; *c; c++) {
-    if (*c == '\n') fputs(c[1] ? "\\n\"\n  \"" : "\\n", out);
-    else if (*c == '\t') fputs("\\t", out);
-    else if (*c == '\r') fputs("\\r", out);
-    else if (*c == '"' || *c == '\\') fprintf(out, "\\%c", *c);
-    else if ((unsigned char)*c < ' ' || *c == 127) fprintf(out, "\\x%02x", (unsigned char)*c);
-    else fputc(*c, out);
+    if (*c == '\n')
+      fputs(c[1] ? "\\n\"\n  \"" : "\\n", out);
+    else if (*c == '\t')
+      fputs("\\t", out);
+    else if (*c == '\r')
+      fputs("\\r", out);
+    else if (*c == '"' || *c == '\\')
+      fprintf(out, "\\%c", *c);
+    else if ((unsigned char)*c < ' ' || *c == 127)
+      fprintf(out, "\\x%02x", (unsigned char)*c);
+    else
+      fputc(*c, out);
   }
   fputs("\";\n", out);
 }
 
 static void put_file(FILE *out, const char *key, const gv_about_file *file) {
   char hash[24];
-  if (!file->name[0]) return;
+  if (!file->name[0])
+    return;
   snprintf(hash, sizeof hash, "%016" PRIx64, file->hash);
   fprintf(out, "%s = {\n", key);
   put_text(out, "name", file->name);
   put_text(out, "hash", hash);
-  if (file->text) put_text(out, "text", file->text);
+  if (file->text)
+    put_text(out, "text", file->text);
   fputs("};\n", out);
 }
 
@@ -101,7 +115,8 @@ int gv_about_write(const gv_about *about, const char *path, char *err, size_t er
   snprintf(name, sizeof name, "%s.about", path);
   FILE *out = fopen(name, "w");
   if (out) {
-    fprintf(out, "# What %s was made of; gloved reads it when the recording is replayed.\nversion = 1;\n", path);
+    fprintf(out, "# What %s was made of; gloved reads it when the recording is replayed.\nversion = 1;\n",
+            path);
     put_text(out, "program", about->version);
     put_text(out, "commit", about->commit);
     put_text(out, "date", about->date);
@@ -113,31 +128,38 @@ int gv_about_write(const gv_about *about, const char *path, char *err, size_t er
     put_file(out, "scene", &about->scene);
     put_file(out, "settings", &about->settings);
     const bool whole = !ferror(out);
-    if (fclose(out) == 0 && whole) return 0;
+    if (fclose(out) == 0 && whole)
+      return 0;
   }
-  snprintf(err, err_size, "%s: cannot be written (%s); choose another place for the recording", name, strerror(errno));
+  snprintf(err, err_size, "%s: cannot be written (%s); choose another place for the recording", name,
+           strerror(errno));
   return -1;
 }
 
 static void take_text(gv_conf_group *group, const char *key, char *out, size_t size) {
   const char *text = gv_conf_long_text(group, key);
-  if (text) snprintf(out, size, "%s", text);
+  if (text)
+    snprintf(out, size, "%s", text);
 }
 
 static void take_file(gv_conf_group *root, const char *key, gv_about_file *out) {
   gv_conf_group group;
   char hash[24] = "";
-  if (!gv_conf_enter(root, key, &group)) return;
+  if (!gv_conf_enter(root, key, &group))
+    return;
   take_text(&group, "name", out->name, sizeof out->name);
   take_text(&group, "hash", hash, sizeof hash);
   out->hash = strtoull(hash, NULL, 16);
   const char *text = gv_conf_long_text(&group, "text");
   gv_conf_leave(&group);
-  if (!text) return;
+  if (!text)
+    return;
   out->size = strlen(text);
   if (hash_bytes(hash_start, text, out->size) != out->hash) {
-    gv_conf_fail(gv_conf_find(&group, "text"), "the text of '%s' does not belong to its hash; it was changed: move this file away, "
-                 "or take it from where the recording came from", key);
+    gv_conf_fail(gv_conf_find(&group, "text"),
+                 "the text of '%s' does not belong to its hash; it was changed: move this file away, "
+                 "or take it from where the recording came from",
+                 key);
     return;
   }
   out->text = strdup(text);
@@ -161,8 +183,10 @@ static void take_all(gv_conf_group *root, gv_about *out) {
 static bool find(const char *path, char out[4200]) {
   const size_t length = strlen(path);
   snprintf(out, 4200, "%s.about", path);
-  if (access(out, F_OK) == 0) return true;
-  if (length < 3 || strcmp(path + length - 3, ".gz") != 0) return false;
+  if (access(out, F_OK) == 0)
+    return true;
+  if (length < 3 || strcmp(path + length - 3, ".gz") != 0)
+    return false;
   snprintf(out, 4200, "%.*s.about", (int)length - 3, path);
   return access(out, F_OK) == 0;
 }
@@ -171,12 +195,15 @@ int gv_about_read(const char *path, gv_about *out, char *err, size_t err_size) {
   char name[4200];
   gv_conf conf;
   *out = (gv_about){0};
-  if (!find(path, name)) return 0;
-  if (!gv_conf_open(&conf, name, err, err_size)) return -1;
+  if (!find(path, name))
+    return 0;
+  if (!gv_conf_open(&conf, name, err, err_size))
+    return -1;
   gv_conf_group root = gv_conf_root(&conf);
   take_all(&root, out);
   gv_conf_close(&conf);
-  if (!conf.failed) return 1;
+  if (!conf.failed)
+    return 1;
   gv_about_free(out);
   return -1;
 }

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// What a recording was made of: version and commit, date, command line, scene, settings, hand. It stands in a file of
-// its own beside the recording (NAME.about, libconfig's syntax; other programs that read candump logs do not know
-// comments), in the summary, and on channel GLOVED_ABOUT, so in every LCM log. Main thread; takes memory from the heap.
+// What a recording was made of: version and commit, date, command line, scene, settings, hand. It stands in
+// a file of its own beside the recording (NAME.about, libconfig's syntax; other programs that read candump
+// logs do not know comments), in the summary, and on channel GLOVED_ABOUT, so in every LCM log. Main
+// thread; takes memory from the heap.
 #ifndef GLOVED_DAEMON_ABOUT_H
 #define GLOVED_DAEMON_ABOUT_H
 
@@ -10,23 +11,25 @@
 #include <stdint.h>
 #include <stdio.h>
 
-enum { GV_ABOUT_TEXT_MAX = 1 << 20,    // bytes of a scene or settings file that are kept with it
-       GV_ABOUT_SMALL = 24000 };       // and in the summary and the message
+enum {
+  GV_ABOUT_TEXT_MAX = 1 << 20,  // bytes of a scene or settings file that are kept with it
+  GV_ABOUT_SMALL = 24000
+};  // and in the summary and the message
 
 // A text file: name, FNV-1a 64 of its bytes, and the bytes.
 typedef struct gv_about_file {
-  char name[256];        // empty: none
+  char name[256];  // empty: none
   uint64_t hash;
   size_t size;
-  char *text;            // null: larger than GV_ABOUT_TEXT_MAX, or no text
+  char *text;  // null: larger than GV_ABOUT_TEXT_MAX, or no text
 } gv_about_file;
 
 typedef struct gv_about {
-  char version[64], commit[64], date[32];   // date: UTC, ISO 8601
+  char version[64], commit[64], date[32];  // date: UTC, ISO 8601
   char command_line[1024];
-  char fcu[256], tracker[256], hand[8];     // hand: "right" or "left"
+  char fcu[256], tracker[256], hand[8];  // hand: "right" or "left"
   double rate_hz;
-  gv_about_file scene, settings;            // settings.name empty: the defaults
+  gv_about_file scene, settings;  // settings.name empty: the defaults
 } gv_about;
 
 // The file as it is now; a name alone where it cannot be read.
@@ -39,7 +42,8 @@ void gv_about_free(gv_about *about);
 
 // Beside the recording at `path`. 0, or negative with one line in err.
 int gv_about_write(const gv_about *about, const char *path, char *err, size_t err_size);
-// 1, or 0 where there is none beside the recording (FILE.about; of FILE.gz also FILE.about), or negative with one line in err.
+// 1, or 0 where there is none beside the recording (FILE.about; of FILE.gz also FILE.about),
+// or negative with one line in err.
 int gv_about_read(const char *path, gv_about *out, char *err, size_t err_size);
 // As a JSON object.
 void gv_about_json(const gv_about *about, FILE *out);

@@ -9,13 +9,17 @@
 
 #define DEG (GV_PI / 180)
 enum {
-  REST_COUNTS = 80,        // spread of a sensor at rest: noise of 1.8 degrees and the step of 8 bits leave room
-  MOVED_COUNTS = 150, MOVED_SENSORS = 3, // how far, and how many, so that it is another posture
+  REST_COUNTS = 80,  // spread of a sensor at rest: noise of 1.8 degrees and the step of 8 bits
+                     // leave room
+  MOVED_COUNTS = 150,
+  MOVED_SENSORS = 3,       // how far, and how many, so that it is another posture
   LEAST_COUNTS = 48,       // three steps of 8 bits
   LEAST_PER_90_DEG = 160,  // ten of them
-  LOW_END = 16, HIGH_END = 4094 // the last values of 8 and 12 bits: the sensor is at its end
+  LOW_END = 16,
+  HIGH_END = 4094  // the last values of 8 and 12 bits: the sensor is at its end
 };
-static const int64_t window_ns = 1000000000, look_ns = 50000000, needed_rest_ns = 500000000, thin_ns = 1000000;
+static const int64_t window_ns = 1000000000, look_ns = 50000000, needed_rest_ns = 500000000,
+                     thin_ns = 1000000;
 
 // ---- the postures ---------------------------------------------------------------------------------
 
@@ -23,9 +27,18 @@ static const int64_t window_ns = 1000000000, look_ns = 50000000, needed_rest_ns 
 static const double none = -999.0;
 static double fist_deg(int sensor) {
   switch (sensor) {
-    case GV_INDEX_MPJ: case GV_MIDDLE_MPJ: case GV_RING_MPJ: case GV_LITTLE_MPJ: return 90.0;
-    case GV_INDEX_PIJ: case GV_MIDDLE_PIJ: case GV_RING_PIJ: case GV_LITTLE_PIJ: return 100.0;
-    case GV_INDEX_DIJ: case GV_MIDDLE_DIJ: case GV_RING_DIJ: case GV_LITTLE_DIJ: return 200.0 / 3.0;
+    case GV_INDEX_MPJ:
+    case GV_MIDDLE_MPJ:
+    case GV_RING_MPJ:
+    case GV_LITTLE_MPJ: return 90.0;
+    case GV_INDEX_PIJ:
+    case GV_MIDDLE_PIJ:
+    case GV_RING_PIJ:
+    case GV_LITTLE_PIJ: return 100.0;
+    case GV_INDEX_DIJ:
+    case GV_MIDDLE_DIJ:
+    case GV_RING_DIJ:
+    case GV_LITTLE_DIJ: return 200.0 / 3.0;
     case GV_THUMB_MPJ: return 45.0;
     case GV_THUMB_IJ: return 60.0;
     default: return none;
@@ -35,11 +48,14 @@ static double fist_deg(int sensor) {
 // The posture that gives the sensor its second point, and the angle there; -1: there is none.
 static int second_posture(int sensor, double *out_deg) {
   *out_deg = sensor == GV_THUMB_ROTATE ? 30.0 : sensor == GV_THUMB_ABDUCTION ? 35.0 : fist_deg(sensor);
-  if (*out_deg == none) return -1;
+  if (*out_deg == none)
+    return -1;
   return sensor == GV_THUMB_ROTATE || sensor == GV_THUMB_ABDUCTION ? GV_POSTURE_PINCH : GV_POSTURE_FIST;
 }
 
-static bool is_finger_flexion(int sensor) { return fist_deg(sensor) != none && sensor != GV_THUMB_MPJ && sensor != GV_THUMB_IJ; }
+static bool is_finger_flexion(int sensor) {
+  return fist_deg(sensor) != none && sensor != GV_THUMB_MPJ && sensor != GV_THUMB_IJ;
+}
 
 const char *gv_posture_name(gv_posture posture) {
   static const char *const name[] = {"flat hand", "fist", "pinch"};
@@ -49,8 +65,10 @@ const char *gv_posture_name(gv_posture posture) {
 const char *gv_posture_how(gv_posture posture) {
   static const char *const how[] = {
     "lay the hand flat on a table: fingers straight and together, the thumb straight beside the index finger",
-    "make a fist: every joint bent as far as it goes without force, the thumb across the index and middle finger",
-    "pinch: the tip of the thumb on the tip of the index finger, a round O between them, the other fingers straight"};
+    "make a fist: every joint bent as far as it goes without force, the thumb across the index and middle "
+    "finger",
+    "pinch: the tip of the thumb on the tip of the index finger, a round O between them, the other fingers "
+    "straight"};
   return posture < GV_POSTURES ? how[posture] : "";
 }
 
@@ -78,18 +96,21 @@ static int in_window(const gv_calibrator *c) {
   int n = 0;
   while (n < c->count) {
     const int k = (c->newest - n + GV_CALIBRATE_WINDOW) % GV_CALIBRATE_WINDOW;
-    if (c->stamp_ns[c->newest] - c->stamp_ns[k] > window_ns) break;
+    if (c->stamp_ns[c->newest] - c->stamp_ns[k] > window_ns)
+      break;
     n++;
   }
   return n;
 }
 
-// Mean of the middle 90 % and spread of n sorted values. A glove's single jumps do not count, and the mean sees
-// between the steps of a coarse sensor that trembles.
+// Mean of the middle 90 % and spread of n sorted values. A glove's single jumps do not count, and the mean
+// sees between the steps of a coarse sensor that trembles.
 static void middle(const uint16_t *sorted, int n, double *out_mean, double *out_spread) {
-  const int from = (n - 1) * 5 / 100, to = (n - 1) * 95 / 100;
+  const int from = (n - 1) * 5 / 100;
+  const int to = (n - 1) * 95 / 100;
   double sum = 0.0;
-  for (int k = from; k <= to; k++) sum += sorted[k];
+  for (int k = from; k <= to; k++)
+    sum += sorted[k];
   *out_mean = sum / (to - from + 1);
   *out_spread = sorted[to] - sorted[from];
 }
@@ -99,55 +120,67 @@ static void look(gv_calibrator *c) {
   uint16_t value[GV_CALIBRATE_WINDOW];
   bool rest = true;
   for (int i = 0; i < GV_SENSORS; i++) {
-    for (int k = 0; k < n; k++) value[k] = c->window[(c->newest - k + GV_CALIBRATE_WINDOW) % GV_CALIBRATE_WINDOW][i];
+    for (int k = 0; k < n; k++)
+      value[k] = c->window[(c->newest - k + GV_CALIBRATE_WINDOW) % GV_CALIBRATE_WINDOW][i];
     qsort(value, (size_t)n, sizeof value[0], by_value);
     middle(value, n, &c->mean[i], &c->spread[i]);
     c->quietest[i] = fmin(c->quietest[i], c->spread[i]);
     rest &= c->spread[i] <= REST_COUNTS;
   }
-  if (!rest) c->rest_ns = -1;
-  else if (c->rest_ns < 0) c->rest_ns = c->stamp_ns[c->newest];
+  if (!rest)
+    c->rest_ns = -1;
+  else if (c->rest_ns < 0)
+    c->rest_ns = c->stamp_ns[c->newest];
 }
 
 // Whether the window reaches over its second (or is full).
 static bool window_is_full(const gv_calibrator *c) {
-  if (c->count < 20) return false;
+  if (c->count < 20)
+    return false;
   const int oldest = (c->newest - c->count + 1 + GV_CALIBRATE_WINDOW) % GV_CALIBRATE_WINDOW;
   return c->count == GV_CALIBRATE_WINDOW || c->stamp_ns[c->newest] - c->stamp_ns[oldest] >= window_ns;
 }
 
 void gv_calibrator_sample(gv_calibrator *c, int64_t stamp_ns, const uint16_t raw[GV_SENSORS]) {
-  if (c->count > 0 && stamp_ns - c->stamp_ns[c->newest] < thin_ns) return;
+  if (c->count > 0 && stamp_ns - c->stamp_ns[c->newest] < thin_ns)
+    return;
   c->newest = (c->newest + 1) % GV_CALIBRATE_WINDOW;
   c->stamp_ns[c->newest] = stamp_ns;
   memcpy(c->window[c->newest], raw, sizeof c->window[0]);
-  if (c->count < GV_CALIBRATE_WINDOW) c->count++;
-  if (!window_is_full(c) || stamp_ns - c->looked_ns < look_ns) return;
+  if (c->count < GV_CALIBRATE_WINDOW)
+    c->count++;
+  if (!window_is_full(c) || stamp_ns - c->looked_ns < look_ns)
+    return;
   c->looked_ns = stamp_ns;
   look(c);
 }
 
 double gv_calibrator_rest(const gv_calibrator *c) {
-  if (c->rest_ns < 0) return 0.0;
+  if (c->rest_ns < 0)
+    return 0.0;
   return fmin(1.0, (double)(c->stamp_ns[c->newest] - c->rest_ns) / (double)needed_rest_ns);
 }
 
 bool gv_calibrator_moved(const gv_calibrator *c) {
   int moved = 0;
-  if (c->posture == 0) return true;
-  for (int i = 0; i < GV_SENSORS; i++) moved += fabs(c->mean[i] - c->raw[c->posture - 1][i]) > MOVED_COUNTS ? 1 : 0;
+  if (c->posture == 0)
+    return true;
+  for (int i = 0; i < GV_SENSORS; i++)
+    moved += fabs(c->mean[i] - c->raw[c->posture - 1][i]) > MOVED_COUNTS ? 1 : 0;
   return moved >= MOVED_SENSORS;
 }
 
 int gv_calibrator_restless(const gv_calibrator *c) {
   int most = -1;
   for (int i = 0; i < GV_SENSORS; i++)
-    if (c->spread[i] > (most < 0 ? REST_COUNTS : c->spread[most])) most = i;
+    if (c->spread[i] > (most < 0 ? REST_COUNTS : c->spread[most]))
+      most = i;
   return most;
 }
 
 void gv_calibrator_take(gv_calibrator *c) {
-  if (c->posture >= GV_POSTURES) return;
+  if (c->posture >= GV_POSTURES)
+    return;
   memcpy(c->raw[c->posture], c->mean, sizeof c->mean);
   memcpy(c->noise[c->posture], c->spread, sizeof c->spread);
   c->posture++;
@@ -160,17 +193,23 @@ int gv_calibrator_complaints(const gv_calibrator *c, char out[GV_CALIBRATE_PROBL
   const char *posture = gv_posture_name((gv_posture)c->posture);
   int n = 0;
   if (!isfinite(c->quietest[0])) {
-    snprintf(out[n++], GV_CALIBRATE_TEXT, "%s: fewer than 20 samples in a second came from the glove; switch it on, and check its cable", posture);
+    snprintf(out[n++], GV_CALIBRATE_TEXT,
+             "%s: fewer than 20 samples in a second came from the glove; switch it on, and check its cable",
+             posture);
     return n;
   }
   for (int i = 0; i < GV_SENSORS; i++)
     if (c->quietest[i] > REST_COUNTS)
-      snprintf(out[n++], GV_CALIBRATE_TEXT, "%s: moves by %.0f counts while the hand is held still (%d are allowed); check the plug of the glove and the sensor's wire",
+      snprintf(out[n++], GV_CALIBRATE_TEXT,
+               "%s: moves by %.0f counts while the hand is held still (%d are allowed); check the plug of "
+               "the glove and the sensor's wire",
                gv_sensor_name(i), c->quietest[i], REST_COUNTS);
   if (n == 0 && gv_calibrator_rest(c) >= 1.0)
-    snprintf(out[n++], GV_CALIBRATE_TEXT, "%s: the hand is still where it was in the %s; change the posture", posture, gv_posture_name((gv_posture)(c->posture - 1)));
+    snprintf(out[n++], GV_CALIBRATE_TEXT, "%s: the hand is still where it was in the %s; change the posture",
+             posture, gv_posture_name((gv_posture)(c->posture - 1)));
   else if (n == 0)
-    snprintf(out[n++], GV_CALIBRATE_TEXT, "%s: the hand did not rest; hold it still for two seconds", posture);
+    snprintf(out[n++], GV_CALIBRATE_TEXT, "%s: the hand did not rest; hold it still for two seconds",
+             posture);
   return n;
 }
 
@@ -178,7 +217,8 @@ int gv_calibrator_complaints(const gv_calibrator *c, char out[GV_CALIBRATE_PROBL
 static int common_direction(const gv_calibrator *c) {
   int rising = 0;
   for (int i = 0; i < GV_SENSORS; i++)
-    if (is_finger_flexion(i)) rising += c->raw[GV_POSTURE_FIST][i] > c->raw[GV_POSTURE_FLAT][i] ? 1 : -1;
+    if (is_finger_flexion(i))
+      rising += c->raw[GV_POSTURE_FIST][i] > c->raw[GV_POSTURE_FLAT][i] ? 1 : -1;
   return rising >= 0 ? 1 : -1;
 }
 
@@ -188,36 +228,49 @@ static bool at_end(double raw) { return raw <= LOW_END || raw >= HIGH_END; }
 static bool is_wrong(const gv_calibrator *c, int sensor, int direction, char out[GV_CALIBRATE_TEXT]) {
   double deg;
   const int second = second_posture(sensor, &deg);
-  const double flat = c->raw[GV_POSTURE_FLAT][sensor], other = second < 0 ? flat : c->raw[second][sensor];
-  const char *name = gv_sensor_name(sensor), *posture = second < 0 ? "" : gv_posture_name((gv_posture)second);
+  const double flat = c->raw[GV_POSTURE_FLAT][sensor];
+  const double other = second < 0 ? flat : c->raw[second][sensor];
+  const char *name = gv_sensor_name(sensor);
+  const char *posture = second < 0 ? "" : gv_posture_name((gv_posture)second);
   const double least = fmax(LEAST_COUNTS, LEAST_PER_90_DEG * fabs(deg) / 90.0);
   if (at_end(flat) || at_end(other)) {
-    snprintf(out, GV_CALIBRATE_TEXT, "%s: stands at the end of its range (%.0f with the flat hand, %.0f with the %s); set the glove's own offset, or wear it further up",
+    snprintf(out, GV_CALIBRATE_TEXT,
+             "%s: stands at the end of its range (%.0f with the flat hand, %.0f with the %s); set the "
+             "glove's own offset, or wear it further up",
              name, flat, other, second < 0 ? "same" : posture);
     return true;
   }
-  if (second < 0) return false;
+  if (second < 0)
+    return false;
   if (fabs(other - flat) < least) {
-    snprintf(out, GV_CALIBRATE_TEXT, "%s: did not move (%.0f with the flat hand, %.0f with the %s); bend this joint fully, or check the sensor's wire",
+    snprintf(out, GV_CALIBRATE_TEXT,
+             "%s: did not move (%.0f with the flat hand, %.0f with the %s); bend this joint fully, or check "
+             "the sensor's wire",
              name, flat, other, posture);
     return true;
   }
   if (is_finger_flexion(sensor) && (other > flat ? 1 : -1) != direction) {
-    snprintf(out, GV_CALIBRATE_TEXT, "%s: runs against the other fingers (%.0f with the flat hand, %.0f with the %s); do not bend this joint backwards in the flat hand, and close the fist",
+    snprintf(out, GV_CALIBRATE_TEXT,
+             "%s: runs against the other fingers (%.0f with the flat hand, %.0f with the %s); do not bend "
+             "this joint backwards in the flat hand, and close the fist",
              name, flat, other, posture);
     return true;
   }
   return false;
 }
 
-// The pinch has middle, ring and little finger straight: so it tells the flat hand from the fist, whichever way the sensors
-// run. A person who was ahead of the questions has made the fist where the flat hand was asked for.
+// The pinch has middle, ring and little finger straight: so it tells the flat hand from the
+// fist, whichever way the sensors run. A person who was ahead of the questions has made the fist
+// where the flat hand was asked for.
 static bool postures_are_exchanged(const gv_calibrator *c) {
-  int nearer_fist = 0, sensors = 0;
+  int nearer_fist = 0;
+  int sensors = 0;
   for (int i = GV_MIDDLE_MPJ; i < GV_SENSORS; i++) {
-    if (!is_finger_flexion(i)) continue;
+    if (!is_finger_flexion(i))
+      continue;
     const double pinch = c->raw[GV_POSTURE_PINCH][i];
-    nearer_fist += fabs(pinch - c->raw[GV_POSTURE_FIST][i]) < fabs(pinch - c->raw[GV_POSTURE_FLAT][i]) ? 1 : 0;
+    nearer_fist += fabs(pinch - c->raw[GV_POSTURE_FIST][i]) < fabs(pinch - c->raw[GV_POSTURE_FLAT][i]) ? 1
+                                                                                                       : 0;
     sensors++;
   }
   return 2 * nearer_fist > sensors;
@@ -235,7 +288,8 @@ static void fit_sensor(const gv_calibrator *c, int sensor, const gv_calibration 
     out->raw[sensor][1] = c->raw[second][sensor];
     out->angle_rad[sensor][1] = deg * DEG;
   } else {
-    const double *r = base->raw[sensor], *a = base->angle_rad[sensor];
+    const double *r = base->raw[sensor];
+    const double *a = base->angle_rad[sensor];
     out->raw[sensor][1] = flat + (r[1] - r[0]) / (a[1] - a[0]) * 90.0 * DEG;
     out->angle_rad[sensor][1] = 90.0 * DEG;
   }
@@ -244,12 +298,18 @@ static void fit_sensor(const gv_calibrator *c, int sensor, const gv_calibration 
 int gv_calibrator_finish(const gv_calibrator *c, const gv_calibration *base, gv_calibration *out,
                          char problem[GV_CALIBRATE_PROBLEMS][GV_CALIBRATE_TEXT]) {
   int n = 0;
-  if (c->posture < GV_POSTURES) return gv_calibrator_complaints(c, problem);
+  if (c->posture < GV_POSTURES)
+    return gv_calibrator_complaints(c, problem);
   const int direction = common_direction(c);
-  for (int i = 0; i < GV_SENSORS; i++) n += is_wrong(c, i, direction, problem[n]) ? 1 : 0;
+  for (int i = 0; i < GV_SENSORS; i++)
+    n += is_wrong(c, i, direction, problem[n]) ? 1 : 0;
   if (n == 0 && postures_are_exchanged(c))
-    snprintf(problem[n++], GV_CALIBRATE_TEXT, "postures: in the pinch the straight fingers stand as in the fist, not as in the flat hand; begin again, and go on only when asked");
-  if (n > 0) return n;
-  for (int i = 0; i < GV_SENSORS; i++) fit_sensor(c, i, base, out);
+    snprintf(problem[n++], GV_CALIBRATE_TEXT,
+             "postures: in the pinch the straight fingers stand as in the fist, not as in the flat hand; "
+             "begin again, and go on only when asked");
+  if (n > 0)
+    return n;
+  for (int i = 0; i < GV_SENSORS; i++)
+    fit_sensor(c, i, base, out);
   return 0;
 }

@@ -14,11 +14,11 @@
 enum { GV_CONF_KEYS = 40, GV_CONF_MAX_BYTES = 64 << 20 };
 
 typedef struct gv_conf {
-  void *config;            // the library's parsed file
-  const char *path;        // the caller's
+  void *config;      // the library's parsed file
+  const char *path;  // the caller's
   char *err;
   size_t err_size;
-  bool failed;             // err holds the reason
+  bool failed;  // err holds the reason
 } gv_conf;
 
 // One value in the file; setting null: absent.
@@ -30,7 +30,7 @@ typedef struct gv_conf_node {
 // A { } group (or the whole file) being read.
 typedef struct gv_conf_group {
   gv_conf_node node;
-  const char *key[GV_CONF_KEYS]; // asked for so far
+  const char *key[GV_CONF_KEYS];  // asked for so far
   int key_count;
 } gv_conf_group;
 
@@ -70,13 +70,14 @@ bool gv_conf_is_text(gv_conf_node node);
 // One of `names` (null-terminated); the index goes to out.
 bool gv_conf_choice(gv_conf_group *group, const char *key, const char *const *names, int *out);
 // Exactly `count` numbers, [ ] or ( ). shape: "[x, y, z] in metres", for the message.
-bool gv_conf_numbers(gv_conf_group *group, const char *key, double min, double max, int count, const char *shape,
-                     double *out);
+bool gv_conf_numbers(gv_conf_group *group, const char *key, double min, double max, int count,
+                     const char *shape, double *out);
 
 // Nodes without a key: entries of lists.
-int gv_conf_length(gv_conf_node node);           // entries of [ ] or ( ); -1 for anything else
+int gv_conf_length(gv_conf_node node);  // entries of [ ] or ( ); -1 for anything else
 gv_conf_node gv_conf_entry(gv_conf_node node, int index);
-bool gv_conf_entry_numbers(gv_conf_node node, double min, double max, int count, const char *shape, double *out);
+bool gv_conf_entry_numbers(gv_conf_node node, double min, double max, int count, const char *shape,
+                           double *out);
 bool gv_conf_entry_integer(gv_conf_node node, int min, int max, const char *what, int *out);
 
 #endif

@@ -36,7 +36,8 @@ uint64_t gv_heap_calls(void) { return calls; }
 #if GV_HEAP_COUNTS
 
 static void count_call(void) {
-  if (watching) calls++;
+  if (watching)
+    calls++;
 }
 
 void *malloc(size_t size) {
@@ -66,9 +67,11 @@ void *aligned_alloc(size_t alignment, size_t size) {
 
 int posix_memalign(void **out_block, size_t alignment, size_t size) {
   count_call();
-  if (alignment % sizeof(void *) != 0 || alignment == 0 || (alignment & (alignment - 1)) != 0) return EINVAL;
+  if (alignment % sizeof(void *) != 0 || alignment == 0 || (alignment & (alignment - 1)) != 0)
+    return EINVAL;
   void *block = __libc_memalign(alignment, size);
-  if (!block) return ENOMEM;
+  if (!block)
+    return ENOMEM;
   *out_block = block;
   return 0;
 }
@@ -84,7 +87,8 @@ void *pvalloc(size_t size) {
 }
 
 void free(void *block) {
-  if (block) count_call();
+  if (block)
+    count_call();
   __libc_free(block);
 }
 

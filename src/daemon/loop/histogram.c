@@ -5,25 +5,30 @@
 #include "daemon/loop/histogram.h"
 
 static int bin_of(uint64_t ns) {
-  if (ns >> GV_HISTOGRAM_MAX_BITS) return GV_HISTOGRAM_BINS - 1;
-  if (ns >> GV_HISTOGRAM_SUB_BITS == 0) return (int)ns;
+  if (ns >> GV_HISTOGRAM_MAX_BITS)
+    return GV_HISTOGRAM_BINS - 1;
+  if (ns >> GV_HISTOGRAM_SUB_BITS == 0)
+    return (int)ns;
   int shift = 63 - __builtin_clzll(ns) - GV_HISTOGRAM_SUB_BITS;
   return (shift << GV_HISTOGRAM_SUB_BITS) + (int)(ns >> shift);
 }
 
 static int64_t upper_edge_ns(int bin) {
   int shift = (bin >> GV_HISTOGRAM_SUB_BITS) - 1;
-  if (shift <= 0) return bin;
+  if (shift <= 0)
+    return bin;
   int64_t top = (bin & ((1 << GV_HISTOGRAM_SUB_BITS) - 1)) + (1 << GV_HISTOGRAM_SUB_BITS);
   return ((top + 1) << shift) - 1;
 }
 
 static void bump(_Atomic uint64_t *counter) {
-  atomic_store_explicit(counter, atomic_load_explicit(counter, memory_order_relaxed) + 1, memory_order_relaxed);
+  atomic_store_explicit(counter, atomic_load_explicit(counter, memory_order_relaxed) + 1,
+                        memory_order_relaxed);
 }
 
 void gv_histogram_add(gv_histogram *histogram, int64_t duration_ns) {
-  if (duration_ns < 0) duration_ns = 0;
+  if (duration_ns < 0)
+    duration_ns = 0;
   bump(&histogram->bin[bin_of((uint64_t)duration_ns)]);
   bump(&histogram->count);
   if (duration_ns > atomic_load_explicit(&histogram->max_ns, memory_order_relaxed))
@@ -31,23 +36,29 @@ void gv_histogram_add(gv_histogram *histogram, int64_t duration_ns) {
 }
 
 int64_t gv_histogram_quantile_ns(const gv_histogram *histogram, double fraction) {
-  uint64_t count = atomic_load_explicit(&histogram->count, memory_order_relaxed), seen = 0;
+  uint64_t count = atomic_load_explicit(&histogram->count, memory_order_relaxed);
+  uint64_t seen = 0;
   int64_t max_ns = atomic_load_explicit(&histogram->max_ns, memory_order_relaxed);
-  if (count == 0) return 0;
+  if (count == 0)
+    return 0;
   for (int i = 0; i < GV_HISTOGRAM_BINS - 1; i++) {
     seen += atomic_load_explicit(&histogram->bin[i], memory_order_relaxed);
-    if ((double)seen >= fraction * (double)count && seen > 0) return upper_edge_ns(i) < max_ns ? upper_edge_ns(i) : max_ns;
+    if ((double)seen >= fraction * (double)count && seen > 0)
+      return upper_edge_ns(i) < max_ns ? upper_edge_ns(i) : max_ns;
   }
   return max_ns;
 }
 
-int gv_histogram_coarse(const gv_histogram *histogram, int64_t out_upper_ns[GV_HISTOGRAM_COARSE], uint64_t out_count[GV_HISTOGRAM_COARSE]) {
+int gv_histogram_coarse(const gv_histogram *histogram, int64_t out_upper_ns[GV_HISTOGRAM_COARSE],
+                        uint64_t out_count[GV_HISTOGRAM_COARSE]) {
   enum { MERGED = GV_HISTOGRAM_BINS / GV_HISTOGRAM_COARSE };
   int n = 0;
   for (int first = 0; first < GV_HISTOGRAM_BINS; first += MERGED) {
     uint64_t sum = 0;
-    for (int i = first; i < first + MERGED; i++) sum += atomic_load_explicit(&histogram->bin[i], memory_order_relaxed);
-    if (!sum) continue;
+    for (int i = first; i < first + MERGED; i++)
+      sum += atomic_load_explicit(&histogram->bin[i], memory_order_relaxed);
+    if (!sum)
+      continue;
     out_upper_ns[n] = upper_edge_ns(first + MERGED - 1);
     out_count[n++] = sum;
   }

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// Which rung of the deadline ladder a step stands on (ladder.h). Costs are means that follow a change within a few steps;
-// one step in which the machine stood still moves none of them by more than half a period. Rungs above the present one
-// are thought to become cheaper with time, so that they are tried again, a few times a second.
+// Which rung of the deadline ladder a step stands on (ladder.h). Costs are means that follow a change
+// within a few steps; one step in which the machine stood still moves none of them by more than half
+// a period. Rungs above the present one are thought to become cheaper with time, so that they are
+// tried again, a few times a second.
 #include "daemon/loop/ladder.h"
 
 #include <assert.h>
@@ -21,7 +22,8 @@ static int64_t longest_hold_ns(const gv_ladder *l) {
 
 static gv_rung cheapest_that_fits(const gv_ladder *l, int64_t left_ns) {
   for (int i = GV_RUNG_FULL; i < GV_RUNG_HOLD; i++)
-    if (room_ns(l->cost_ns[i]) <= left_ns) return (gv_rung)i;
+    if (room_ns(l->cost_ns[i]) <= left_ns)
+      return (gv_rung)i;
   return GV_RUNG_HOLD;
 }
 
@@ -31,7 +33,8 @@ gv_rung gv_ladder_choose(gv_ladder *l, int64_t left_ns) {
     l->held_ns = 0;
     return l->rung;
   }
-  if (l->held_ns + l->period_ns > longest_hold_ns(l)) l->rung = GV_RUNG_RAMP;
+  if (l->held_ns + l->period_ns > longest_hold_ns(l))
+    l->rung = GV_RUNG_RAMP;
   l->held_ns += l->period_ns;
   // Without a step nothing is measured: the last rung is thought cheaper, to be tried again soon.
   l->cost_ns[GV_RUNG_CONTACTS] -= l->cost_ns[GV_RUNG_CONTACTS] / FORGET_HELD;
@@ -45,10 +48,12 @@ void gv_ladder_measure(gv_ladder *l, gv_rung rung, int64_t took_ns) {
   const int64_t most_ns = 2 * l->period_ns;
   const int64_t counted_ns = took_ns < most_ns ? took_ns : most_ns;
   follow(&l->cost_ns[rung], counted_ns, FOLLOW);
-  for (int i = (int)rung - 1; i >= GV_RUNG_FULL; i--) follow(&l->cost_ns[i], counted_ns, FORGET);
+  for (int i = (int)rung - 1; i >= GV_RUNG_FULL; i--)
+    follow(&l->cost_ns[i], counted_ns, FORGET);
   // A lower rung never costs more than a higher one.
   for (int i = (int)rung + 1; i < GV_RUNG_HOLD; i++)
-    if (l->cost_ns[i] > l->cost_ns[rung]) l->cost_ns[i] = l->cost_ns[rung];
+    if (l->cost_ns[i] > l->cost_ns[rung])
+      l->cost_ns[i] = l->cost_ns[rung];
 }
 
 const char *gv_rung_name(gv_rung rung) {

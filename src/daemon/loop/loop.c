@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // The real-time thread: sleep until the deadline (clock_nanosleep, absolute, CLOCK_MONOTONIC), take the
 // devices' frames, one session step, send the command, tell the slow thread. A deadline that was missed is
-// not caught up with: whole periods are skipped and counted. With sync_device the sleep is ppoll on the driver's
-// descriptor, and the glove's frame ends it (sync.h).
+// not caught up with: whole periods are skipped and counted. With sync_device the sleep is ppoll on the
+// driver's descriptor, and the glove's frame ends it (sync.h).
 #include "daemon/loop/loop.h"
 
 #include <errno.h>
@@ -20,7 +20,7 @@ enum {
   FINAL_ZERO_COMMANDS = 3,
   RECORDS_A_STEP = 32,  // 7 engine events, overrun, other hand, state, 16 requests, and room
   STEP_RECORDS_A_STEP = GV_LOOP_FRAMES / GV_STEP_FRAMES,
-  OVERRUNS_TO_END = 1000000, // periods: a fault, whatever the limits are
+  OVERRUNS_TO_END = 1000000,  // periods: a fault, whatever the limits are
   LOOKS_A_PERIOD = 32,  // at a descriptor that is readable and has no frame of the glove: bounds a flood
   REPORT_LADDER = 29,
   REPORT_SYNC = 30,
@@ -61,7 +61,8 @@ static void sleep_until(int64_t deadline_ns) {
 }
 
 static void add_relaxed(_Atomic uint64_t *counter, uint64_t amount) {
-  atomic_store_explicit(counter, atomic_load_explicit(counter, memory_order_relaxed) + amount, memory_order_relaxed);
+  atomic_store_explicit(counter, atomic_load_explicit(counter, memory_order_relaxed) + amount,
+                        memory_order_relaxed);
 }
 
 // ---- telling the slow thread ------------------------------------------------------------------------
@@ -78,20 +79,29 @@ static void wait_for_space(const gv_loop *loop) {
 static void push_tagged(gv_loop *loop, gv_record_kind kind, uint32_t bits, int64_t tag) {
   const gv_session *session = loop->session;
   gv_record *record = gv_ring_reserve(&loop->records);
-  if (!record) return;
+  if (!record)
+    return;
   int64_t step = gv_session_steps(session);
-  *record = (gv_record){.kind = kind, .step = step, .time_s = (double)(step * loop->cfg.period_ns) * 1e-9,
-                        .utime = loop->wall_us + loop->now_ns / 1000, .from = loop->state_reported, .to = session->safety.state,
-                        .bits = bits, .tag = tag};
+  *record = (gv_record){.kind = kind,
+                        .step = step,
+                        .time_s = (double)(step * loop->cfg.period_ns) * 1e-9,
+                        .utime = loop->wall_us + loop->now_ns / 1000,
+                        .from = loop->state_reported,
+                        .to = session->safety.state,
+                        .bits = bits,
+                        .tag = tag};
   gv_ring_commit(&loop->records);
 }
 
-static void push_record(gv_loop *loop, gv_record_kind kind, uint32_t bits) { push_tagged(loop, kind, bits, 0); }
+static void push_record(gv_loop *loop, gv_record_kind kind, uint32_t bits) {
+  push_tagged(loop, kind, bits, 0);
+}
 
 // At most one report a second for each kind, so that a noisy event cannot fill the ring.
 static bool may_report(gv_loop *loop, int kind) {
   int64_t step = gv_session_steps(loop->session);
-  if (step < loop->next_report[kind]) return false;
+  if (step < loop->next_report[kind])
+    return false;
   loop->next_report[kind] = step + 1000000000 / loop->cfg.period_ns;
   return true;
 }
@@ -99,8 +109,10 @@ static bool may_report(gv_loop *loop, int kind) {
 static void report_events(gv_loop *loop) {
   const gv_session *session = loop->session;
   for (uint32_t rest = session->result.events; rest; rest &= rest - 1)
-    if (may_report(loop, __builtin_ctz(rest))) push_record(loop, GV_RECORD_ENGINE, rest & (~rest + 1));
-  if (loop->overruns_now && may_report(loop, REPORT_OVERRUN)) push_record(loop, GV_RECORD_OVERRUN, loop->overruns_now);
+    if (may_report(loop, __builtin_ctz(rest)))
+      push_record(loop, GV_RECORD_ENGINE, rest & (~rest + 1));
+  if (loop->overruns_now && may_report(loop, REPORT_OVERRUN))
+    push_record(loop, GV_RECORD_OVERRUN, loop->overruns_now);
   if (session->other_hand && !loop->other_hand_reported) {
     push_record(loop, GV_RECORD_OTHER_HAND, 0);
     loop->other_hand_reported = true;
@@ -113,7 +125,8 @@ static void report_events(gv_loop *loop) {
     push_record(loop, GV_RECORD_LADDER, loop->ladder.rung);
     loop->rung_reported = loop->ladder.rung;
   }
-  if (session->safety.state == loop->state_reported) return;
+  if (session->safety.state == loop->state_reported)
+    return;
   push_record(loop, GV_RECORD_STATE, session->safety.faults);
   loop->state_reported = session->safety.state;
 }
@@ -123,7 +136,8 @@ static void record_frames(gv_loop *loop, const gv_frame *frame, int count, int64
   const bool wanted = loop->cfg.record || loop->cfg.black_box;
   for (int i = 0; wanted && i < count; i++) {
     gv_frame *recorded = gv_ring_reserve(&loop->frames);
-    if (!recorded) continue;
+    if (!recorded)
+      continue;
     *recorded = frame[i];
     recorded->stamp_ns = stamp_ns;
     gv_ring_commit(&loop->frames);
@@ -132,7 +146,8 @@ static void record_frames(gv_loop *loop, const gv_frame *frame, int count, int64
 
 static void push_snapshot(gv_loop *loop) {
   gv_snapshot *snapshot = gv_ring_reserve(&loop->snapshots);
-  if (!snapshot) return;
+  if (!snapshot)
+    return;
   gv_snapshot_fill(loop->session, loop->object_count, snapshot);
   snapshot->utime = loop->wall_us + loop->now_ns / 1000;
   snapshot->events = loop->events;
@@ -148,9 +163,11 @@ static void push_steps(gv_loop *loop, int64_t wake_ns, int64_t work_ns) {
   const int frame_count = loop->frame_count;
   for (int first = 0; first == 0 || first < frame_count; first += GV_STEP_FRAMES) {
     gv_step_record *record = gv_ring_reserve(&loop->steps);
-    if (!record) return;
+    if (!record)
+      return;
     const int rest = frame_count - first;
-    gv_step_record_fill(loop->session, loop->now_ns, &loop->frame[first], rest < GV_STEP_FRAMES ? rest : GV_STEP_FRAMES, record);
+    gv_step_record_fill(loop->session, loop->now_ns, &loop->frame[first],
+                        rest < GV_STEP_FRAMES ? rest : GV_STEP_FRAMES, record);
     record->utime = loop->wall_us + loop->now_ns / 1000;
     record->step_ns = loop->step_ns;
     record->wake_ns = (int32_t)wake_ns;
@@ -163,10 +180,13 @@ static void push_steps(gv_loop *loop, int64_t wake_ns, int64_t work_ns) {
 static void obey_requests(gv_loop *loop) {
   const gv_request *request;
   while (!loop->scene_accepted && (request = gv_ring_peek(&loop->requests))) {
-    const bool done = gv_session_request(loop->session, request), scene = request->kind == GV_REQUEST_SCENE;
+    const bool done = gv_session_request(loop->session, request);
+    const bool scene = request->kind == GV_REQUEST_SCENE;
     if (!scene || !done)
-      push_tagged(loop, GV_RECORD_REQUEST, (uint32_t)request->kind | (done ? 0u : GV_RECORD_REFUSED), request->tag);
-    if (scene) atomic_store(&loop->scene_asked, done);
+      push_tagged(loop, GV_RECORD_REQUEST, (uint32_t)request->kind | (done ? 0u : GV_RECORD_REFUSED),
+                  request->tag);
+    if (scene)
+      atomic_store(&loop->scene_asked, done);
     loop->scene_accepted = scene && done;
     gv_ring_release(&loop->requests);
   }
@@ -176,7 +196,8 @@ static void tell(gv_loop *loop, int64_t step) {
   const int64_t every = 1000000000 / GV_SNAPSHOT_HZ / loop->cfg.period_ns;
   loop->events |= loop->session->result.events;
   report_events(loop);
-  if (every <= 1 || step % every == 0) push_snapshot(loop);
+  if (every <= 1 || step % every == 0)
+    push_snapshot(loop);
   atomic_store_explicit(&loop->heap_calls, loop->heap_calls_before + gv_heap_calls(), memory_order_relaxed);
 }
 
@@ -184,13 +205,15 @@ static void tell(gv_loop *loop, int64_t step) {
 
 static void take_frames(gv_loop *loop, int64_t now_ns) {
   const gv_driver *driver = loop->driver;
-  loop->frame_count += driver->poll(driver->self, now_ns, &loop->frame[loop->frame_count], GV_LOOP_FRAMES - loop->frame_count);
+  loop->frame_count += driver->poll(driver->self, now_ns, &loop->frame[loop->frame_count],
+                                    GV_LOOP_FRAMES - loop->frame_count);
 }
 
 // The newest frame of the glove from `first` on; null: none.
 static const gv_frame *glove_among(const gv_loop *loop, int first) {
   for (int i = loop->frame_count - 1; i >= first; i--)
-    if (loop->frame[i].id == GV_ID_GLOVE) return &loop->frame[i];
+    if (loop->frame[i].id == GV_ID_GLOVE)
+      return &loop->frame[i];
   return NULL;
 }
 
@@ -199,7 +222,8 @@ static void sleep_on_descriptor(const gv_loop *loop, int64_t until_ns) {
   const int64_t rest_ns = until_ns - clock_ns(CLOCK_MONOTONIC);
   struct pollfd wait = {.fd = loop->driver->descriptor(loop->driver->self), .events = POLLIN};
   const struct timespec rest = {rest_ns / 1000000000, rest_ns % 1000000000};
-  if (rest_ns > 0) ppoll(&wait, 1, &rest, NULL);
+  if (rest_ns > 0)
+    ppoll(&wait, 1, &rest, NULL);
 }
 
 // ---- commands between steps ------------------------------------------------------------------------------
@@ -215,64 +239,79 @@ static void send_command(gv_loop *loop, int64_t stamp_ns) {
 
 static int64_t command_ns(const gv_loop *loop) { return loop->cfg.period_ns / loop->commands; }
 
-// The device hears of the last step again. Frames that came are kept for the step that is due; a simulated device
-// lives by being asked for them. In a recording a repeat lies before the next step, whenever that really was.
+// The device hears of the last step again. Frames that came are kept for the step that is due; a
+// simulated device lives by being asked for them. In a recording a repeat lies before the next
+// step, whenever that really was.
 static void repeat_command(gv_loop *loop) {
-  const int64_t latest_ns = loop->cfg.period_ns - 2000, planned_ns = ++loop->repeats * command_ns(loop);
+  const int64_t latest_ns = loop->cfg.period_ns - 2000;
+  const int64_t planned_ns = ++loop->repeats * command_ns(loop);
   const int64_t stamp_ns = loop->step_ns + (planned_ns < latest_ns ? planned_ns : latest_ns);
   loop->now_ns = loop->cfg.pace == GV_PACE_LIVE ? clock_ns(CLOCK_MONOTONIC) : stamp_ns;
   take_frames(loop, loop->now_ns);
   send_command(loop, stamp_ns);
 }
 
-// The repeats before the step that is due. A replay has as many after every step; a live loop sends the next one
-// command_ns after the last, whatever held that up.
+// The repeats before the step that is due. A replay has as many after every step; a live loop sends the next
+// one command_ns after the last, whatever held that up.
 static void repeat_until(gv_loop *loop, int64_t due_ns) {
   const int64_t every_ns = command_ns(loop);
-  while (loop->cfg.pace == GV_PACE_LIVE && loop->commands > 1 && loop->sent_ns + every_ns <= due_ns - every_ns / 2) {
+  while (loop->cfg.pace == GV_PACE_LIVE && loop->commands > 1 &&
+         loop->sent_ns + every_ns <= due_ns - every_ns / 2) {
     sleep_until(loop->sent_ns + every_ns);
     repeat_command(loop);
   }
   while (loop->cfg.pace != GV_PACE_LIVE && loop->repeats + 1 < loop->commands) {
-    if (loop->cfg.pace == GV_PACE_PACED) sleep_until(due_ns - loop->cfg.period_ns + (loop->repeats + 1) * every_ns);
+    if (loop->cfg.pace == GV_PACE_PACED)
+      sleep_until(due_ns - loop->cfg.period_ns + (loop->repeats + 1) * every_ns);
     repeat_command(loop);
   }
 }
 
-// --sync device: sleeps until the glove's frame opens the step that is due, or until its window closes. Frames are
-// taken on the way, and commands repeated. *io_due_ns follows the frame; returns when the step should have begun.
+// --sync device: sleeps until the glove's frame opens the step that is due, or until its window
+// closes. Frames are taken on the way, and commands repeated. *io_due_ns follows the frame;
+// returns when the step should have begun.
 static int64_t wait_for_device(gv_loop *loop, int64_t *io_due_ns) {
-  const int64_t opens_ns = gv_sync_opens_ns(&loop->sync, *io_due_ns), closes_ns = gv_sync_closes_ns(&loop->sync, *io_due_ns);
-  int64_t frame_ns = INT64_MIN, now_ns = clock_ns(CLOCK_MONOTONIC);
+  const int64_t opens_ns = gv_sync_opens_ns(&loop->sync, *io_due_ns);
+  const int64_t closes_ns = gv_sync_closes_ns(&loop->sync, *io_due_ns);
+  int64_t frame_ns = INT64_MIN;
+  int64_t now_ns = clock_ns(CLOCK_MONOTONIC);
   int seen = loop->frame_count;
   for (int looks = 0; frame_ns < opens_ns && now_ns < closes_ns; looks++) {
     const int64_t repeat_ns = loop->commands > 1 ? loop->sent_ns + command_ns(loop) : INT64_MAX;
     const int64_t until_ns = repeat_ns < closes_ns ? repeat_ns : closes_ns;
-    if (looks < LOOKS_A_PERIOD) sleep_on_descriptor(loop, until_ns);
-    else sleep_until(until_ns);
+    if (looks < LOOKS_A_PERIOD)
+      sleep_on_descriptor(loop, until_ns);
+    else
+      sleep_until(until_ns);
     now_ns = clock_ns(CLOCK_MONOTONIC);
-    if (now_ns >= repeat_ns) repeat_command(loop);
+    if (now_ns >= repeat_ns)
+      repeat_command(loop);
     take_frames(loop, now_ns);
     const gv_frame *glove = glove_among(loop, seen);
     seen = loop->frame_count;
-    if (!glove) continue;
+    if (!glove)
+      continue;
     frame_ns = glove->stamp_ns;
     gv_sync_note(&loop->sync, frame_ns);
   }
   const bool on_frame = frame_ns >= opens_ns;
   add_relaxed(on_frame ? &loop->on_frame : &loop->on_clock, 1);
   gv_sync_count(&loop->sync, on_frame);
-  if (frame_ns != INT64_MIN) *io_due_ns = gv_sync_follow(&loop->sync, *io_due_ns, frame_ns);
+  if (frame_ns != INT64_MIN)
+    *io_due_ns = gv_sync_follow(&loop->sync, *io_due_ns, frame_ns);
   return on_frame ? frame_ns : closes_ns;
 }
 
 // ---- the loop -----------------------------------------------------------------------------------------
 
 static gv_exit why_to_end(const gv_loop *loop) {
-  if (atomic_load_explicit(loop->stop, memory_order_relaxed)) return GV_EXIT_SIGNAL;
+  if (atomic_load_explicit(loop->stop, memory_order_relaxed))
+    return GV_EXIT_SIGNAL;
   const int64_t skipped = loop->cfg.pace == GV_PACE_LIVE ? (int64_t)loop->overruns : 0;
-  if (loop->cfg.periods_max > 0 && loop->number + skipped >= loop->cfg.periods_max) return GV_EXIT_DURATION;
-  if (loop->driver->ended(loop->driver->self)) return GV_EXIT_END;
+  if (loop->cfg.periods_max > 0 && loop->number + skipped >= loop->cfg.periods_max)
+    return GV_EXIT_DURATION;
+  if (loop->driver->ended(loop->driver->self))
+    return GV_EXIT_END;
   return loop->scene_accepted ? GV_EXIT_SCENE : GV_EXIT_RUNNING;
 }
 
@@ -296,9 +335,12 @@ static void watch_faults(gv_loop *loop) {
 }
 
 static void count_faults(gv_loop *loop) {
-  const gv_page_faults now = gv_realtime_page_faults(), start = loop->page_faults, before = loop->page_faults_before;
+  const gv_page_faults now = gv_realtime_page_faults();
+  const gv_page_faults start = loop->page_faults;
+  const gv_page_faults before = loop->page_faults_before;
   gv_heap_watch(false);
-  loop->page_faults = (gv_page_faults){before.major + now.major - start.major, before.minor + now.minor - start.minor};
+  loop->page_faults = (gv_page_faults){before.major + now.major - start.major,
+                                       before.minor + now.minor - start.minor};
 }
 
 // Forces to zero over the limiter's ramp, without engine steps, and then a few commands of zero for a
@@ -315,22 +357,25 @@ static void ramp_down(gv_loop *loop) {
     loop->driver->send(loop->driver->self, &command, 1);
     record_frames(loop, &command, 1, loop->step_ns);
     deadline_ns += command_ns(loop);
-    if (loop->cfg.pace != GV_PACE_FREE) sleep_until(deadline_ns);
+    if (loop->cfg.pace != GV_PACE_FREE)
+      sleep_until(deadline_ns);
   }
 }
 
 // t: start and the ends of the stages.
 static void add_times(gv_loop *loop, const int64_t t[GV_STAGES + 1]) {
-  for (int i = 0; i < GV_STAGES; i++) gv_histogram_add(&loop->stage[i], t[i + 1] - t[i]);
+  for (int i = 0; i < GV_STAGES; i++)
+    gv_histogram_add(&loop->stage[i], t[i + 1] - t[i]);
   gv_histogram_add(&loop->step, t[GV_STAGES] - t[0]);
 }
 
 // ---- the deadline ladder ---------------------------------------------------------------------------------
 
-// How much of a step fits into what is left of its period; in virtual time always all of it. What a stall took before
-// is no reason to do less now.
+// How much of a step fits into what is left of its period; in virtual time always all of it. What a stall
+// took before is no reason to do less now.
 static gv_rung choose_rung(gv_loop *loop, int64_t due_ns, int64_t now_ns) {
-  if (loop->cfg.pace != GV_PACE_LIVE) return GV_RUNG_FULL;
+  if (loop->cfg.pace != GV_PACE_LIVE)
+    return GV_RUNG_FULL;
   const int64_t late_ns = now_ns > due_ns ? (now_ns - due_ns) % loop->cfg.period_ns : 0;
   const gv_rung rung = gv_ladder_choose(&loop->ladder, loop->cfg.period_ns - late_ns);
   add_relaxed(&loop->on_rung[rung], 1);
@@ -348,8 +393,10 @@ static void hold_period(gv_loop *loop) {
 // A recording says what the steps from here on leave out.
 static void record_rung(gv_loop *loop) {
   const gv_rung rung = loop->session->rung;
-  if (rung == loop->rung_recorded) return;
-  gv_fcu_pack_effort(&(gv_effort_msg){.counter = loop->effort_counter++, .rung = (uint8_t)rung}, &loop->frame[loop->frame_count]);
+  if (rung == loop->rung_recorded)
+    return;
+  gv_fcu_pack_effort(&(gv_effort_msg){.counter = loop->effort_counter++, .rung = (uint8_t)rung},
+                     &loop->frame[loop->frame_count]);
   loop->frame[loop->frame_count++].stamp_ns = loop->now_ns;
   loop->rung_recorded = rung;
 }
@@ -362,7 +409,8 @@ static void step_once(gv_loop *loop, gv_rung rung, int64_t due_ns, int64_t start
   // In virtual time nothing is late, and a simulated user must not feel the host's load.
   const unsigned late = pace == GV_PACE_LIVE ? loop->overruns_now : 0;
   const unsigned overruns = rung == GV_RUNG_RAMP ? OVERRUNS_TO_END : late;
-  if (pace == GV_PACE_LIVE) gv_session_set_rung(loop->session, rung);
+  if (pace == GV_PACE_LIVE)
+    gv_session_set_rung(loop->session, rung);
   gv_session_compute(loop->session, loop->now_ns, loop->frame, loop->frame_count, overruns);
   const int64_t computed_ns = clock_ns(CLOCK_MONOTONIC);
   record_rung(loop);
@@ -374,19 +422,25 @@ static void step_once(gv_loop *loop, gv_rung rung, int64_t due_ns, int64_t start
   const int64_t done_ns = clock_ns(CLOCK_MONOTONIC);
   gv_ladder_measure(&loop->ladder, loop->session->rung, done_ns - polled_ns);
   add_times(loop, (const int64_t[]){start_ns, polled_ns, computed_ns, sent_ns, done_ns});
-  if (pace != GV_PACE_FREE) gv_histogram_add(&loop->wake, start_ns - due_ns);
+  if (pace != GV_PACE_FREE)
+    gv_histogram_add(&loop->wake, start_ns - due_ns);
   if (loop->cfg.black_box || atomic_load_explicit(&loop->trace, memory_order_relaxed))
     push_steps(loop, pace == GV_PACE_FREE ? 0 : start_ns - due_ns, done_ns - start_ns);
   loop->frame_count = 0;
 }
 
-// Sleeps until the next step is due, the device hearing of the last one meanwhile. Returns when it should have begun.
+// Sleeps until the next step is due, the device hearing of the last one meanwhile.
+// Returns when it should have begun.
 static int64_t wait_for_period(gv_loop *loop, bool first, int64_t *io_deadline_ns) {
   const gv_pace pace = loop->cfg.pace;
-  if (pace == GV_PACE_FREE) wait_for_space(loop);
-  if (loop->cfg.sync_device) return wait_for_device(loop, io_deadline_ns);
-  if (!first) repeat_until(loop, *io_deadline_ns);
-  if (pace != GV_PACE_FREE) sleep_until(*io_deadline_ns);
+  if (pace == GV_PACE_FREE)
+    wait_for_space(loop);
+  if (loop->cfg.sync_device)
+    return wait_for_device(loop, io_deadline_ns);
+  if (!first)
+    repeat_until(loop, *io_deadline_ns);
+  if (pace != GV_PACE_FREE)
+    sleep_until(*io_deadline_ns);
   return *io_deadline_ns;
 }
 
@@ -412,10 +466,12 @@ static gv_exit run(gv_loop *loop) {
       loop->step_ns = loop->number * loop->cfg.period_ns;
       step_once(loop, rung, due_ns, start_ns, polled_ns);
       loop->number++;
-      if (first) watch_faults(loop);
+      if (first)
+        watch_faults(loop);
       first = false;
     }
-    if (pace != GV_PACE_FREE) deadline_ns = next_deadline(loop, deadline_ns, clock_ns(CLOCK_MONOTONIC));
+    if (pace != GV_PACE_FREE)
+      deadline_ns = next_deadline(loop, deadline_ns, clock_ns(CLOCK_MONOTONIC));
   }
   return reason;
 }
@@ -424,22 +480,25 @@ static void *loop_thread(void *argument) {
   gv_loop *loop = argument;
   const unsigned refusals = loop->refusals_before | gv_realtime_enter(&loop->cfg.realtime);
   atomic_store(&loop->refusals, (int)refusals);
-  const int64_t session_ns = loop->cfg.pace == GV_PACE_LIVE ? clock_ns(CLOCK_MONOTONIC) : loop->number * loop->cfg.period_ns;
+  const int64_t session_ns = loop->cfg.pace == GV_PACE_LIVE ? clock_ns(CLOCK_MONOTONIC)
+                                                            : loop->number * loop->cfg.period_ns;
   loop->wall_us = (clock_ns(CLOCK_REALTIME) - session_ns) / 1000;
   loop->page_faults = gv_realtime_page_faults();
   loop->strict_errno = loop->cfg.strict ? gv_strict_enter(loop->driver->calls) : 0;
   const gv_exit reason = loop->strict_errno ? GV_EXIT_REFUSED : run(loop);
   count_faults(loop);
   ramp_down(loop);
-  if (loop->cfg.pace == GV_PACE_FREE) wait_for_space(loop);
+  if (loop->cfg.pace == GV_PACE_FREE)
+    wait_for_space(loop);
   tell(loop, 0);
   atomic_store(&loop->exit, (int)reason);
-  if (loop->cfg.alarm_s && reason != GV_EXIT_SCENE) alarm(loop->cfg.alarm_s);
+  if (loop->cfg.alarm_s && reason != GV_EXIT_SCENE)
+    alarm(loop->cfg.alarm_s);
   return NULL;
 }
 
-void gv_loop_init(gv_loop *loop, const gv_loop_config *cfg, gv_session *session, gv_driver *driver, int object_count,
-                  atomic_bool *stop) {
+void gv_loop_init(gv_loop *loop, const gv_loop_config *cfg, gv_session *session, gv_driver *driver,
+                  int object_count, atomic_bool *stop) {
   loop->cfg = *cfg;
   loop->session = session;
   loop->driver = driver;

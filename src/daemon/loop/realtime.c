@@ -15,7 +15,7 @@
 #include <sys/resource.h>
 #include <unistd.h>
 
-#ifndef MADV_POPULATE_READ // Linux 5.14; glibc 2.36 has no name for them
+#ifndef MADV_POPULATE_READ  // Linux 5.14; glibc 2.36 has no name for them
 #define MADV_POPULATE_READ 22
 #define MADV_POPULATE_WRITE 23
 #endif
@@ -24,7 +24,8 @@
 static uintptr_t relocated_end(const struct dl_phdr_info *info) {
   for (int i = 0; i < info->dlpi_phnum; i++) {
     const ElfW(Phdr) *segment = &info->dlpi_phdr[i];
-    if (segment->p_type == PT_GNU_RELRO) return info->dlpi_addr + segment->p_vaddr + segment->p_memsz;
+    if (segment->p_type == PT_GNU_RELRO)
+      return info->dlpi_addr + segment->p_vaddr + segment->p_memsz;
   }
   return 0;
 }
@@ -34,13 +35,17 @@ static uintptr_t relocated_end(const struct dl_phdr_info *info) {
 static int populate_object(struct dl_phdr_info *info, size_t size, void *data) {
   (void)size;
   (void)data;
-  const uintptr_t page = (uintptr_t)sysconf(_SC_PAGESIZE), relocated = relocated_end(info);
+  const uintptr_t page = (uintptr_t)sysconf(_SC_PAGESIZE);
+  const uintptr_t relocated = relocated_end(info);
   for (int i = 0; i < info->dlpi_phnum; i++) {
     const ElfW(Phdr) *segment = &info->dlpi_phdr[i];
-    if (segment->p_type != PT_LOAD) continue;
+    if (segment->p_type != PT_LOAD)
+      continue;
     const bool writable = (segment->p_flags & PF_W) != 0;
-    uintptr_t start = info->dlpi_addr + segment->p_vaddr, end = start + segment->p_memsz;
-    if (writable && relocated > start && relocated < end) start = relocated;
+    uintptr_t start = info->dlpi_addr + segment->p_vaddr;
+    uintptr_t end = start + segment->p_memsz;
+    if (writable && relocated > start && relocated < end)
+      start = relocated;
     start &= ~(page - 1);
     madvise((void *)start, end - start, writable ? MADV_POPULATE_WRITE : MADV_POPULATE_READ);
   }
@@ -53,10 +58,13 @@ static int populate_object(struct dl_phdr_info *info, size_t size, void *data) {
 static bool hold_awake(void) {
   static int held = -1;
   const int32_t within_us = 0;
-  if (held >= 0) return true;
+  if (held >= 0)
+    return true;
   held = open("/dev/cpu_dma_latency", O_WRONLY | O_CLOEXEC);
-  if (held < 0) return errno == ENOENT;
-  if (write(held, &within_us, sizeof within_us) == (ssize_t)sizeof within_us) return true;
+  if (held < 0)
+    return errno == ENOENT;
+  if (write(held, &within_us, sizeof within_us) == (ssize_t)sizeof within_us)
+    return true;
   close(held);
   held = -1;
   return false;
@@ -65,26 +73,33 @@ static bool hold_awake(void) {
 unsigned gv_realtime_prepare(const gv_realtime_config *cfg) {
   unsigned refusals = 0;
   dl_iterate_phdr(populate_object, NULL);
-  if (cfg->stay_awake && !hold_awake()) refusals |= GV_REFUSED_AWAKE;
+  if (cfg->stay_awake && !hold_awake())
+    refusals |= GV_REFUSED_AWAKE;
   // No page of ours is ever written out to swap.
-  if (cfg->lock_memory && mlockall(MCL_CURRENT | MCL_FUTURE) != 0) refusals |= GV_REFUSED_MEMORY;
+  if (cfg->lock_memory && mlockall(MCL_CURRENT | MCL_FUTURE) != 0)
+    refusals |= GV_REFUSED_MEMORY;
   return refusals;
 }
 
 // Touches the stack once, so that the loop never meets a page of it that is not there yet.
 static void touch_stack(void) {
   volatile uint8_t stack[GV_REALTIME_STACK_TOUCHED];
-  for (size_t i = 0; i < sizeof stack; i += 1024) stack[i] = 0;
+  for (size_t i = 0; i < sizeof stack; i += 1024)
+    stack[i] = 0;
 }
 
 static bool pin(int cpu) {
   cpu_set_t allowed, one;
-  if (pthread_getaffinity_np(pthread_self(), sizeof allowed, &allowed) != 0) return false;
+  if (pthread_getaffinity_np(pthread_self(), sizeof allowed, &allowed) != 0)
+    return false;
   // The kernel puts interrupts and housekeeping onto the first core by preference: take the last one.
-  if (cpu == GV_CPU_ANY || (cpu < 0 && CPU_COUNT(&allowed) < 2)) return true;
+  if (cpu == GV_CPU_ANY || (cpu < 0 && CPU_COUNT(&allowed) < 2))
+    return true;
   size_t core = cpu < 0 ? CPU_SETSIZE - 1 : (size_t)cpu;
-  while (cpu < 0 && core > 0 && !CPU_ISSET(core, &allowed)) core--;
-  if (core >= CPU_SETSIZE) return false;
+  while (cpu < 0 && core > 0 && !CPU_ISSET(core, &allowed))
+    core--;
+  if (core >= CPU_SETSIZE)
+    return false;
   CPU_ZERO(&one);
   CPU_SET(core, &one);
   return pthread_setaffinity_np(pthread_self(), sizeof one, &one) == 0;
@@ -95,7 +110,8 @@ unsigned gv_realtime_enter(const gv_realtime_config *cfg) {
   touch_stack();
   // Without it an ordinary thread's sleeps end up to 50 us late so that the kernel can bundle wake-ups.
   prctl(PR_SET_TIMERSLACK, 1UL, 0UL, 0UL, 0UL);
-  if (!pin(cfg->cpu)) refusals |= GV_REFUSED_CPU;
+  if (!pin(cfg->cpu))
+    refusals |= GV_REFUSED_CPU;
   const struct sched_param param = {.sched_priority = cfg->priority};
   if (cfg->priority > 0 && pthread_setschedparam(pthread_self(), SCHED_FIFO, &param) != 0)
     refusals |= GV_REFUSED_PRIORITY;
@@ -113,15 +129,19 @@ void gv_realtime_refusal_text(unsigned refusals, char *out, size_t size) {
 // so only when it is not locked any more. What is kept of it is locked by the next gv_realtime_prepare.
 void *gv_realtime_reserve(size_t size) {
   void *memory = mmap(NULL, size, PROT_NONE, MAP_PRIVATE | MAP_ANONYMOUS | MAP_NORESERVE, -1, 0);
-  if (memory == MAP_FAILED) return NULL;
-  if (munlock(memory, size) == 0 && mprotect(memory, size, PROT_READ | PROT_WRITE) == 0) return memory;
+  if (memory == MAP_FAILED)
+    return NULL;
+  if (munlock(memory, size) == 0 && mprotect(memory, size, PROT_READ | PROT_WRITE) == 0)
+    return memory;
   munmap(memory, size);
   return NULL;
 }
 
 size_t gv_realtime_trim(void *memory, size_t size, size_t used) {
-  const size_t page = (size_t)sysconf(_SC_PAGESIZE), kept = (used + page - 1) / page * page;
-  if (kept >= size) return size;
+  const size_t page = (size_t)sysconf(_SC_PAGESIZE);
+  const size_t kept = (used + page - 1) / page * page;
+  if (kept >= size)
+    return size;
   munmap((uint8_t *)memory + kept, size - kept);
   return kept;
 }

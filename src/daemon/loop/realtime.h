@@ -9,26 +9,26 @@
 #include <stdint.h>
 
 typedef struct gv_realtime_config {
-  int priority;     // SCHED_FIFO 1..99; 0: the ordinary scheduler
-  bool lock_memory; // mlockall
-  bool stay_awake;  // hold /dev/cpu_dma_latency at zero: no core sleeps deeply while the program runs
-  int cpu;          // core to run on; or one of:
+  int priority;      // SCHED_FIFO 1..99; 0: the ordinary scheduler
+  bool lock_memory;  // mlockall
+  bool stay_awake;   // hold /dev/cpu_dma_latency at zero: no core sleeps deeply while the program runs
+  int cpu;           // core to run on; or one of:
 } gv_realtime_config;
 
 enum {
-  GV_CPU_LAST = -1, // the last one allowed, where there are several
+  GV_CPU_LAST = -1,  // the last one allowed, where there are several
   GV_CPU_ANY = -2
 };
 
-typedef enum gv_refusal { // bits
+typedef enum gv_refusal {  // bits
   GV_REFUSED_MEMORY = 1 << 0,
   GV_REFUSED_PRIORITY = 1 << 1,
   GV_REFUSED_CPU = 1 << 2,
   GV_REFUSED_AWAKE = 1 << 3
 } gv_refusal;
 
-// Bytes of stack that the loop's thread has (thread-local data lies in it, too), and how many of them it touches
-// beforehand; a step uses below 96 kB.
+// Bytes of stack that the loop's thread has (thread-local data lies in it, too), and how many of them it
+// touches beforehand; a step uses below 96 kB.
 enum { GV_REALTIME_STACK = 2 << 20, GV_REALTIME_STACK_TOUCHED = 1 << 19 };
 
 // Whole process, before the loop's thread starts: touches all code and data that is mapped, locks memory, and

@@ -13,34 +13,43 @@
 #include "daemon/load/output.h"
 
 const char *gv_request_name(int kind) {
-  static const char *const name[GV_REQUEST_KINDS] = {"reset", "scene", "coupling", "friction", "start log", "stop log", "disarm", "trace", "status"};
+  static const char *const name[GV_REQUEST_KINDS] = {
+    "reset", "scene", "coupling", "friction", "start log", "stop log", "disarm", "trace", "status"};
   return kind >= 0 && kind < GV_REQUEST_KINDS ? name[kind] : "?";
 }
 
 static bool is_above(gv_request_rate *rate, int64_t now_ns, int per_second) {
-  if (rate->count == 0 || now_ns - rate->second_ns >= 1000000000) *rate = (gv_request_rate){now_ns, 0};
+  if (rate->count == 0 || now_ns - rate->second_ns >= 1000000000)
+    *rate = (gv_request_rate){now_ns, 0};
   return ++rate->count > per_second;
 }
 
-bool gv_request_may_complain(gv_request_rate *rate, int64_t now_ns) { return !is_above(rate, now_ns, GV_REQUEST_PER_SECOND); }
+bool gv_request_may_complain(gv_request_rate *rate, int64_t now_ns) {
+  return !is_above(rate, now_ns, GV_REQUEST_PER_SECOND);
+}
 
 // A name without a folder: a command from the network must not choose a place on the disk.
 static bool is_file_name(const char *text) {
-  if (!isalnum((unsigned char)text[0]) || strlen(text) >= GV_REQUEST_TEXT) return false;
+  if (!isalnum((unsigned char)text[0]) || strlen(text) >= GV_REQUEST_TEXT)
+    return false;
   for (; *text; text++)
-    if (!isalnum((unsigned char)*text) && !strchr("._-", *text)) return false;
+    if (!isalnum((unsigned char)*text) && !strchr("._-", *text))
+      return false;
   return true;
 }
 
 // Below the daemon's directory: names as above, a slash between two of them.
 static bool is_path_below(const char *text) {
-  if (strlen(text) >= GV_REQUEST_TEXT) return false;
+  if (strlen(text) >= GV_REQUEST_TEXT)
+    return false;
   for (bool first = true; *text; first = *text++ == '/')
-    if (!isalnum((unsigned char)*text) && (first || !strchr("._-/", *text))) return false;
+    if (!isalnum((unsigned char)*text) && (first || !strchr("._-/", *text)))
+      return false;
   return true;
 }
 
-__attribute__((format(printf, 2, 3))) static bool refuse(char out_why[GV_REQUEST_WHY], const char *format, ...) {
+__attribute__((format(printf, 2, 3))) static bool refuse(char out_why[GV_REQUEST_WHY], const char *format,
+                                                         ...) {
   va_list arguments;
   va_start(arguments, format);
   vsnprintf(out_why, GV_REQUEST_WHY, format, arguments);
@@ -52,7 +61,8 @@ __attribute__((format(printf, 2, 3))) static bool refuse(char out_why[GV_REQUEST
 static const char *sayable(const char *text, char out[48]) {
   snprintf(out, 48, "%.40s", *text ? text : "(nothing)");
   for (char *c = out; *c; c++)
-    if ((unsigned char)*c < ' ' || (unsigned char)*c >= 127) *c = '?';
+    if ((unsigned char)*c < ' ' || (unsigned char)*c >= 127)
+      *c = '?';
   return out;
 }
 
@@ -63,40 +73,63 @@ static bool check_scene(const char *text, char out_why[GV_REQUEST_WHY]) {
   const size_t length = strlen(text);
   sayable(text, said);
   if (!is_path_below(text) || length < 7 || strcmp(text + length - 6, ".scene") != 0)
-    return refuse(out_why, "%s: give a file NAME.scene at or below the daemon's directory, of letters, digits, . _ - and /", said);
-  if (lstat(text, &there) != 0) return refuse(out_why, "%s: there is no such file in the daemon's directory", said);
-  if (!S_ISREG(there.st_mode)) return refuse(out_why, "%s: not a plain file", said);
-  if (gv_output_is_below_here(text)) return true;
+    return refuse(
+        out_why,
+        "%s: give a file NAME.scene at or below the daemon's directory, of letters, digits, . _ - and /",
+        said);
+  if (lstat(text, &there) != 0)
+    return refuse(out_why, "%s: there is no such file in the daemon's directory", said);
+  if (!S_ISREG(there.st_mode))
+    return refuse(out_why, "%s: not a plain file", said);
+  if (gv_output_is_below_here(text))
+    return true;
   return refuse(out_why, "%s: a link leads out of the daemon's directory; put the file itself there", said);
 }
 
-static bool check_number(double value, double min, double max, const char *what, char out_why[GV_REQUEST_WHY]) {
-  if (value >= min && value <= max) return true;
-  if (isnan(value)) return refuse(out_why, "not a number; give %s from %g to %g", what, min, max);
-  return refuse(out_why, "%g is %s %g; give %s from %g to %g", value, value < min ? "below" : "above", value < min ? min : max, what, min, max);
+static bool check_number(double value, double min, double max, const char *what,
+                         char out_why[GV_REQUEST_WHY]) {
+  if (value >= min && value <= max)
+    return true;
+  if (isnan(value))
+    return refuse(out_why, "not a number; give %s from %g to %g", what, min, max);
+  return refuse(out_why, "%g is %s %g; give %s from %g to %g", value, value < min ? "below" : "above",
+                value < min ? min : max, what, min, max);
 }
 
-bool gv_request_check(const gv_request_message *message, gv_request_rate *rate, int64_t now_ns, gv_request *out,
-                      char out_why[GV_REQUEST_WHY]) {
+bool gv_request_check(const gv_request_message *message, gv_request_rate *rate, int64_t now_ns,
+                      gv_request *out, char out_why[GV_REQUEST_WHY]) {
   const char *text = message->text;
   char said[48];
   *out = (gv_request){.kind = (gv_request_kind)message->kind, .value = message->value, .tag = message->tag};
   out_why[0] = '\0';
-  if (message->kind == GV_REQUEST_DISARM) return true;  // whoever else sends, and how much: this one is always obeyed
-  if (is_above(rate, now_ns, GV_REQUEST_PER_SECOND)) return refuse(out_why, "more than %d a second; send fewer", GV_REQUEST_PER_SECOND);
+  // whoever else sends, and how much: this one is always obeyed
+  if (message->kind == GV_REQUEST_DISARM)
+    return true;
+  if (is_above(rate, now_ns, GV_REQUEST_PER_SECOND))
+    return refuse(out_why, "more than %d a second; send fewer", GV_REQUEST_PER_SECOND);
   snprintf(out->text, sizeof out->text, "%s", text);
   switch (message->kind) {
-    case GV_REQUEST_RESET: case GV_REQUEST_STOP_LOG: return true;
+    case GV_REQUEST_RESET:
+    case GV_REQUEST_STOP_LOG: return true;
     case GV_REQUEST_SCENE: return check_scene(text, out_why);
     case GV_REQUEST_COUPLING:
-      return check_number(message->value, GV_REQUEST_COUPLING_MIN, GV_REQUEST_COUPLING_MAX, "a multiple", out_why);
-    case GV_REQUEST_FRICTION: return check_number(message->value, 0.0, GV_REQUEST_FRICTION_MAX, "a coefficient", out_why);
+      return check_number(message->value, GV_REQUEST_COUPLING_MIN, GV_REQUEST_COUPLING_MAX, "a multiple",
+                          out_why);
+    case GV_REQUEST_FRICTION:
+      return check_number(message->value, 0.0, GV_REQUEST_FRICTION_MAX, "a coefficient", out_why);
     case GV_REQUEST_START_LOG:
-      return is_file_name(text) || refuse(out_why, "%s: give a file name of letters, digits, . _ - and no folder", sayable(text, said));
+      return is_file_name(text) ||
+             refuse(out_why, "%s: give a file name of letters, digits, . _ - and no folder",
+                    sayable(text, said));
     case GV_REQUEST_TRACE:
-      return message->value == 0.0 || message->value == 1.0 || refuse(out_why, "%g is neither; give 1 or 0", message->value);
+      return message->value == 0.0 || message->value == 1.0 ||
+             refuse(out_why, "%g is neither; give 1 or 0", message->value);
     case GV_REQUEST_STATUS:
-      return !*text || is_file_name(text) || refuse(out_why, "%s: no value has such a name; gloved-command status lists them", sayable(text, said));
-    default: return refuse(out_why, "no command has the number %d; see data/lcm/gloved_command_t.lcm", message->kind);
+      return !*text || is_file_name(text) ||
+             refuse(out_why, "%s: no value has such a name; gloved-command status lists them",
+                    sayable(text, said));
+    default:
+      return refuse(out_why, "no command has the number %d; see data/lcm/gloved_command_t.lcm",
+                    message->kind);
   }
 }

@@ -8,16 +8,17 @@
 #include <stddef.h>
 #include <stdint.h>
 
-typedef enum gv_request_kind { // as in data/lcm/gloved_command_t.lcm
-  GV_REQUEST_RESET,        // objects back to their start; refused while a force may flow
-  GV_REQUEST_SCENE,        // text: file of the scene, below the daemon's directory; refused while a force may flow
-  GV_REQUEST_COUPLING,     // value: stiffness as a multiple of the configured one; damping by its root
-  GV_REQUEST_FRICTION,     // value: mu of the hand's skin
-  GV_REQUEST_START_LOG,    // text: name of a new file in the daemon's directory
+typedef enum gv_request_kind {  // as in data/lcm/gloved_command_t.lcm
+  GV_REQUEST_RESET,             // objects back to their start; refused while a force may flow
+  GV_REQUEST_SCENE,             // text: file of the scene, below the daemon's directory; refused while a
+                                // force may flow
+  GV_REQUEST_COUPLING,          // value: stiffness as a multiple of the configured one; damping by its root
+  GV_REQUEST_FRICTION,          // value: mu of the hand's skin
+  GV_REQUEST_START_LOG,         // text: name of a new file in the daemon's directory
   GV_REQUEST_STOP_LOG,
-  GV_REQUEST_DISARM,       // no force until the dead-man switch was let go and pressed again
-  GV_REQUEST_TRACE,        // value: 1 publish GLOVED_TRACE, 0 do not
-  GV_REQUEST_STATUS,       // text: name of a value that is in force, empty: all of them; changes nothing
+  GV_REQUEST_DISARM,  // no force until the dead-man switch was let go and pressed again
+  GV_REQUEST_TRACE,   // value: 1 publish GLOVED_TRACE, 0 do not
+  GV_REQUEST_STATUS,  // text: name of a value that is in force, empty: all of them; changes nothing
   GV_REQUEST_KINDS
 } gv_request_kind;
 
@@ -34,19 +35,27 @@ typedef struct gv_request {
   gv_request_kind kind;
   double value;
   char text[GV_REQUEST_TEXT];
-  int64_t tag;             // of the sender; comes back in the answer
+  int64_t tag;  // of the sender; comes back in the answer
 } gv_request;
 
 // How many requests came in the second that began at second_ns.
-typedef struct gv_request_rate { int64_t second_ns; int count; } gv_request_rate;
+typedef struct gv_request_rate {
+  int64_t second_ns;
+  int count;
+} gv_request_rate;
 
 // A request as it came, before anybody looked at it.
-typedef struct gv_request_message { int kind; double value; const char *text; int64_t tag; } gv_request_message;
+typedef struct gv_request_message {
+  int kind;
+  double value;
+  const char *text;
+  int64_t tag;
+} gv_request_message;
 
-// True where the request is sound and not too frequent; else out_why says what is wrong with which value, and what to do.
-// now_ns: a clock that runs on.
-bool gv_request_check(const gv_request_message *message, gv_request_rate *rate, int64_t now_ns, gv_request *out,
-                      char out_why[GV_REQUEST_WHY]);
+// True where the request is sound and not too frequent; else out_why says what is wrong with which value,
+// and what to do. now_ns: a clock that runs on.
+bool gv_request_check(const gv_request_message *message, gv_request_rate *rate, int64_t now_ns,
+                      gv_request *out, char out_why[GV_REQUEST_WHY]);
 // Whether a message that is no command may be answered now: ten times a second.
 bool gv_request_may_complain(gv_request_rate *rate, int64_t now_ns);
 // "reset", "scene", ...; "?" beyond the range.

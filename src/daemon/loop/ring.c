@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // Single-producer single-consumer ring (Lamport's queue on C11 atomics): each side stores only its own
-// counter, with release, and loads the other's with acquire, so that a record is complete before the
-// reader sees it and free before the writer fills it again. Writer: the real-time thread. Reader: the slow thread.
+// counter, with release, and loads the other's with acquire, so that a record is complete before the reader
+// sees it and free before the writer fills it again. Writer: the real-time thread. Reader: the slow thread.
 #include "daemon/loop/ring.h"
 
 #include <assert.h>
@@ -26,7 +26,8 @@ uint32_t gv_ring_space(const gv_ring *ring) {
 }
 
 void *gv_ring_reserve(gv_ring *ring) {
-  if (gv_ring_space(ring) > 0) return slot_at(ring, atomic_load_explicit(&ring->written, memory_order_relaxed));
+  if (gv_ring_space(ring) > 0)
+    return slot_at(ring, atomic_load_explicit(&ring->written, memory_order_relaxed));
   uint64_t dropped = atomic_load_explicit(&ring->dropped, memory_order_relaxed);
   atomic_store_explicit(&ring->dropped, dropped + 1, memory_order_relaxed);
   return NULL;
@@ -39,7 +40,8 @@ void gv_ring_commit(gv_ring *ring) {
 
 const void *gv_ring_peek(const gv_ring *ring) {
   uint32_t read = atomic_load_explicit(&ring->read, memory_order_relaxed);
-  if (read == atomic_load_explicit(&ring->written, memory_order_acquire)) return NULL;
+  if (read == atomic_load_explicit(&ring->written, memory_order_acquire))
+    return NULL;
   return slot_at(ring, read);
 }
 
@@ -48,4 +50,6 @@ void gv_ring_release(gv_ring *ring) {
   atomic_store_explicit(&ring->read, read + 1, memory_order_release);
 }
 
-uint64_t gv_ring_dropped(const gv_ring *ring) { return atomic_load_explicit(&ring->dropped, memory_order_relaxed); }
+uint64_t gv_ring_dropped(const gv_ring *ring) {
+  return atomic_load_explicit(&ring->dropped, memory_order_relaxed);
+}

@@ -10,9 +10,9 @@
 #include <stdint.h>
 
 typedef struct gv_ring {
-  uint8_t *slot;             // [slot_count][slot_size], the caller's memory
+  uint8_t *slot;  // [slot_count][slot_size], the caller's memory
   size_t slot_size;
-  uint32_t slot_count;       // a power of two
+  uint32_t slot_count;  // a power of two
   // Writer and reader on cache lines of their own. Both counters only grow and may wrap.
   _Alignas(64) _Atomic uint32_t written;
   _Atomic uint64_t dropped;

@@ -3,8 +3,9 @@
 // glove and hand pose and their ages, step engine, safety machine and limiter, pack. Pure glue in the
 // real-time thread.
 //
-// Counters (modulo 256, one per id): wire/stream.h. The frames of one period are taken in the order of their counters;
-// one that is older than what was used is dropped, since time in the simulation never runs backwards.
+// Counters (modulo 256, one per id): wire/stream.h. The frames of one period are taken in the
+// order of their counters; one that is older than what was used is dropped, since time in the
+// simulation never runs backwards.
 #include "daemon/loop/session.h"
 
 #include <math.h>
@@ -13,8 +14,8 @@
 static const double farthest_m = 100.0;  // of the tracker's receiver from the origin
 
 void gv_session_init(gv_session *session, const gv_session_config *cfg, gv_engine *engine) {
-  *session = (gv_session){.cfg = *cfg, .engine = engine, .glove_age_s = HUGE_VAL, .hand_age_s = HUGE_VAL,
-                          .status_age_s = HUGE_VAL};
+  *session = (gv_session){
+    .cfg = *cfg, .engine = engine, .glove_age_s = HUGE_VAL, .hand_age_s = HUGE_VAL, .status_age_s = HUGE_VAL};
   session->hand.T_world_receiver = session->sample.T_world_receiver = gv_pose_identity();
   session->limb_configured = gv_engine_config(engine)->limb;
   session->palm_configured = gv_engine_config(engine)->palm;
@@ -50,18 +51,22 @@ static bool accept_counter(gv_session *session, gv_stream *stream, uint8_t count
 }
 
 // A sample that is too old already counts as late (it still moves the simulated hand).
-static void take_source(gv_session *session, gv_source *source, const gv_frame *frame, int64_t now_ns, uint32_t stamp_us,
-                        uint32_t age_us) {
+static void take_source(gv_session *session, gv_source *source, const gv_frame *frame, int64_t now_ns,
+                        uint32_t stamp_us, uint32_t age_us) {
   gv_source_take(source, frame->stamp_ns, stamp_us, age_us);
-  if ((double)(now_ns - source->time_ns) * 1e-9 > session->cfg.safety.max_age_s) session->frames.late++;
+  if ((double)(now_ns - source->time_ns) * 1e-9 > session->cfg.safety.max_age_s)
+    session->frames.late++;
 }
 
 static gv_fcu_error take_glove(gv_session *session, const gv_frame *frame, int64_t now_ns) {
   gv_glove_msg msg;
   gv_fcu_error error = gv_fcu_unpack_glove(frame, &msg);
-  if (error) return error;
-  if (!(msg.flags & GV_GLOVE_DEAD_MAN)) session->switch_open = true;
-  if (!accept_counter(session, &session->glove_stream, msg.counter, now_ns)) return GV_FCU_OK;
+  if (error)
+    return error;
+  if (!(msg.flags & GV_GLOVE_DEAD_MAN))
+    session->switch_open = true;
+  if (!accept_counter(session, &session->glove_stream, msg.counter, now_ns))
+    return GV_FCU_OK;
   const bool other_hand = ((msg.flags & GV_GLOVE_LEFT) != 0) != (session->cfg.side == GV_LEFT);
   const bool sensor_fault = (msg.flags & GV_GLOVE_SENSOR_FAULT) != 0;
   session->glove_doubt = (other_hand ? GV_FAULT_OTHER_HAND : 0u) | (sensor_fault ? GV_FAULT_SENSOR : 0u);
@@ -79,10 +84,14 @@ static gv_fcu_error take_glove(gv_session *session, const gv_frame *frame, int64
 static gv_fcu_error take_pose(gv_session *session, const gv_frame *frame, int64_t now_ns) {
   gv_pose_msg msg;
   gv_fcu_error error = gv_fcu_unpack_pose(frame, &msg);
-  if (error || !accept_counter(session, &session->pose_stream, msg.counter, now_ns)) return error;
-  // Beyond 100 m the engine refuses the pose: taking it as fresh here would let a force go on from an old one.
-  if (!(msg.flags & GV_POSE_VALID) || (msg.flags & GV_POSE_TRACKER_ERROR) || gv_norm(msg.T_world_receiver.p) > farthest_m) {
-    if (msg.receiver == GV_RECEIVER_HAND) session->hand_source.doubt = true;
+  if (error || !accept_counter(session, &session->pose_stream, msg.counter, now_ns))
+    return error;
+  // Beyond 100 m the engine refuses the pose: taking it as fresh here would let a
+  // force go on from an old one.
+  if (!(msg.flags & GV_POSE_VALID) || (msg.flags & GV_POSE_TRACKER_ERROR) ||
+      gv_norm(msg.T_world_receiver.p) > farthest_m) {
+    if (msg.receiver == GV_RECEIVER_HAND)
+      session->hand_source.doubt = true;
     session->frames.unusable++;
   } else if (msg.receiver == GV_RECEIVER_HEAD) {
     session->head = msg;
@@ -98,9 +107,12 @@ static gv_fcu_error take_pose(gv_session *session, const gv_frame *frame, int64_
 static gv_fcu_error take_status(gv_session *session, const gv_frame *frame, int64_t now_ns) {
   gv_status_msg msg;
   gv_fcu_error error = gv_fcu_unpack_status(frame, &msg);
-  if (error) return error;
-  if (!(msg.flags & GV_STATUS_DEAD_MAN)) session->switch_open = true;
-  if (!accept_counter(session, &session->status_stream, msg.counter, now_ns)) return GV_FCU_OK;
+  if (error)
+    return error;
+  if (!(msg.flags & GV_STATUS_DEAD_MAN))
+    session->switch_open = true;
+  if (!accept_counter(session, &session->status_stream, msg.counter, now_ns))
+    return GV_FCU_OK;
   session->status = msg;
   gv_source_take(&session->status_source, frame->stamp_ns, msg.stamp_us, 0);
   return GV_FCU_OK;
@@ -113,7 +125,8 @@ void gv_session_set_rung(gv_session *session, gv_rung rung) {
     [GV_RUNG_CONTACTS] = {0.25, 24},
   };
   const gv_rung least = rung < GV_RUNG_CONTACTS ? rung : GV_RUNG_CONTACTS;
-  if (session->rung != least) gv_engine_set_effort(session->engine, of_rung[least]);
+  if (session->rung != least)
+    gv_engine_set_effort(session->engine, of_rung[least]);
   session->rung = least;
 }
 
@@ -121,13 +134,15 @@ void gv_session_set_rung(gv_session *session, gv_rung rung) {
 static gv_fcu_error take_effort(gv_session *session, const gv_frame *frame) {
   gv_effort_msg msg;
   gv_fcu_error error = gv_fcu_unpack_effort(frame, &msg);
-  if (!error) gv_session_set_rung(session, (gv_rung)msg.rung);
+  if (!error)
+    gv_session_set_rung(session, (gv_rung)msg.rung);
   return error;
 }
 
 static void take_frame(gv_session *session, const gv_frame *frame, int64_t now_ns) {
   gv_fcu_error error = GV_FCU_OK;
-  if (frame->id == GV_ID_EFFORT && session->cfg.replay && take_effort(session, frame) == GV_FCU_OK) return;
+  if (frame->id == GV_ID_EFFORT && session->cfg.replay && take_effort(session, frame) == GV_FCU_OK)
+    return;
   session->frames.rx++;
   switch (frame->id) {
     case GV_ID_GLOVE: error = take_glove(session, frame, now_ns); break;
@@ -147,7 +162,8 @@ static void take_frames(gv_session *session, const gv_frame *frame, int count, i
   for (int first = 0; first < count; first += GV_ORDER_MAX) {
     const int here = count - first < GV_ORDER_MAX ? count - first : GV_ORDER_MAX;
     gv_stream_order(&frame[first], here, order);
-    for (int i = 0; i < here; i++) take_frame(session, &frame[first + order[i]], now_ns);
+    for (int i = 0; i < here; i++)
+      take_frame(session, &frame[first + order[i]], now_ns);
   }
   session->frames.errors += gv_stream_give_up(&session->glove_stream, now_ns);
   session->frames.errors += gv_stream_give_up(&session->pose_stream, now_ns);
@@ -155,32 +171,38 @@ static void take_frames(gv_session *session, const gv_frame *frame, int count, i
 }
 
 static void fill_sample(gv_session *session) {
-  for (int i = 0; i < GV_SENSORS; i++) session->sample.raw[i] = session->glove.raw[i];
+  for (int i = 0; i < GV_SENSORS; i++)
+    session->sample.raw[i] = session->glove.raw[i];
   session->sample.T_world_receiver = session->hand.T_world_receiver;
 }
 
 static bool all_finite(const double value[GV_FINGERS]) {
   for (int i = 0; i < GV_FINGERS; i++)
-    if (!isfinite(value[i])) return false;
+    if (!isfinite(value[i]))
+      return false;
   return true;
 }
 
 static double largest(const double value[GV_FINGERS]) {
   double max = 0.0;
-  for (int i = 0; i < GV_FINGERS; i++) max = fmax(max, value[i]);
+  for (int i = 0; i < GV_FINGERS; i++)
+    max = fmax(max, value[i]);
   return max;
 }
 
-// A step that came late is one overrun however late it came: a shared machine stalls for 10 to 30 ms now and
-// then, and the device's watchdog has let go of the force by then. A stall beyond the largest age of a sample
-// is a fault at once: nobody knows where the hand was meanwhile, and frames that waited in a socket look fresh.
+// A step that came late is one overrun however late it came: a shared machine stalls for 10 to 30 ms
+// now and then, and the device's watchdog has let go of the force by then. A stall beyond the
+// largest age of a sample is a fault at once: nobody knows where the hand was meanwhile, and frames
+// that waited in a socket look fresh.
 static unsigned count_overruns(const gv_session *session, unsigned periods_skipped) {
   const double pause_s = fmax(periods_skipped * session->cfg.period_s, session->pause_s);
-  if (pause_s > session->cfg.safety.max_age_s) return session->cfg.safety.overrun_limit + 1;
+  if (pause_s > session->cfg.safety.max_age_s)
+    return session->cfg.safety.overrun_limit + 1;
   return periods_skipped > 0 ? 1 : 0;
 }
 
-// Held: both who know the switch say so in their newest messages, and no sound frame of this step says otherwise.
+// Held: both who know the switch say so in their newest messages, and no sound frame
+// of this step says otherwise.
 static bool dead_man_held(const gv_session *session) {
   const bool glove_held = session->glove_source.seen && (session->glove.flags & GV_GLOVE_DEAD_MAN);
   const bool device_held = !session->status_source.seen || (session->status.flags & GV_STATUS_DEAD_MAN);
@@ -212,24 +234,31 @@ static void step_safety(gv_session *session, unsigned frame_errors, unsigned per
   session->faults_seen |= session->safety.faults;
 }
 
-static uint32_t age_us(double seconds) { return seconds < 0.65 ? (uint32_t)fmax(0.0, seconds * 1e6) : 655350u; }
+static uint32_t age_us(double seconds) {
+  return seconds < 0.65 ? (uint32_t)fmax(0.0, seconds * 1e6) : 655350u;
+}
 
 // Limits the desired forces and packs what is left of them: the one way of a force out of the daemon.
-static void send_force(gv_session *session, const double desired_n[GV_FINGERS], double dt_s, gv_frame *out_command) {
+static void send_force(gv_session *session, const double desired_n[GV_FINGERS], double dt_s,
+                       gv_frame *out_command) {
   const bool enabled = gv_safety_lets_force_out(&session->safety);
   const double age = fmax(session->glove_age_s, session->hand_age_s);
-  session->limiter_flags = gv_limiter_step(&session->limiter, desired_n, enabled, age, dt_s, session->force_n);
+  session->limiter_flags = gv_limiter_step(&session->limiter, desired_n, enabled, age, dt_s,
+                                           session->force_n);
   gv_command_msg *msg = &session->command;
   // While a fault ramps down the device stays enabled: switching off at full force would be a jerk.
   const int enable = enabled || largest(session->force_n) > 0.0 ? GV_COMMAND_ENABLE : 0;
   const int ending = session->safety.state == GV_SAFETY_STOPPED ? GV_COMMAND_ENDING : 0;
   const int repeat = session->told && !ending ? GV_COMMAND_REPEAT : 0;
   session->told = true;
-  *msg = (gv_command_msg){.counter = session->command_counter++, .flags = (uint8_t)(enable | ending | repeat),
-                          .sample_stamp_us = session->glove.stamp_us, .age_us = age_us(session->glove_age_s),
+  *msg = (gv_command_msg){.counter = session->command_counter++,
+                          .flags = (uint8_t)(enable | ending | repeat),
+                          .sample_stamp_us = session->glove.stamp_us,
+                          .age_us = age_us(session->glove_age_s),
                           .frames_taken = (uint16_t)(session->frames.rx - session->frames.foreign)};
   memcpy(msg->tension_n, session->force_n, sizeof msg->tension_n);
-  for (int i = 0; i < GV_FINGERS; i++) session->force_max_n[i] = fmax(session->force_max_n[i], session->force_n[i]);
+  for (int i = 0; i < GV_FINGERS; i++)
+    session->force_max_n[i] = fmax(session->force_max_n[i], session->force_n[i]);
   gv_fcu_pack_command(msg, out_command);
   session->frames.tx++;
 }
@@ -241,20 +270,24 @@ static void update_ages(gv_session *session, int64_t now_ns) {
   session->status_age_s = gv_source_age_s(&session->status_source, now_ns, safety->status_age_s);
 }
 
-// Time since the last command. After a pause in which the device let go by itself, forces start from none: going on at
-// the old one, and be it on the ramp down, would pull once more.
+// Time since the last command. After a pause in which the device let go by itself, forces start from none:
+// going on at the old one, and be it on the ramp down, would pull once more.
 static double since_command_s(gv_session *session, int64_t now_ns) {
   const bool first = session->frames.tx == 0;
-  const double passed_s = first ? session->cfg.period_s : fmax(0.0, (double)(now_ns - session->commanded_ns) * 1e-9);
+  const double passed_s = first ? session->cfg.period_s
+                                : fmax(0.0, (double)(now_ns - session->commanded_ns) * 1e-9);
   session->commanded_ns = now_ns;
   if (passed_s >= fmax(GV_DEVICE_WATCHDOG_S, 1.5 * session->limiter.longest_rise_s))
     memset(session->limiter.out_n, 0, sizeof session->limiter.out_n);
   return passed_s;
 }
 
-void gv_session_compute(gv_session *session, int64_t now_ns, const gv_frame *frame, int count, unsigned periods_skipped) {
+void gv_session_compute(gv_session *session, int64_t now_ns, const gv_frame *frame, int count,
+                        unsigned periods_skipped) {
   const uint64_t errors_before = session->frames.errors;
-  session->pause_s = gv_engine_counters(session->engine)->steps ? (double)(now_ns - session->stepped_ns) * 1e-9 : 0.0;
+  session->pause_s = gv_engine_counters(session->engine)->steps
+                         ? (double)(now_ns - session->stepped_ns) * 1e-9
+                         : 0.0;
   session->stepped_ns = now_ns;
   session->sample.glove_new = session->sample.pose_new = session->switch_open = session->told = false;
   take_frames(session, frame, count, now_ns);
@@ -268,13 +301,16 @@ void gv_session_compute(gv_session *session, int64_t now_ns, const gv_frame *fra
 static bool opens_switch(const gv_frame *frame) {
   gv_glove_msg glove;
   gv_status_msg status;
-  if (frame->id == GV_ID_GLOVE) return gv_fcu_unpack_glove(frame, &glove) == GV_FCU_OK && !(glove.flags & GV_GLOVE_DEAD_MAN);
-  return frame->id == GV_ID_STATUS && gv_fcu_unpack_status(frame, &status) == GV_FCU_OK && !(status.flags & GV_STATUS_DEAD_MAN);
+  if (frame->id == GV_ID_GLOVE)
+    return gv_fcu_unpack_glove(frame, &glove) == GV_FCU_OK && !(glove.flags & GV_GLOVE_DEAD_MAN);
+  return frame->id == GV_ID_STATUS && gv_fcu_unpack_status(frame, &status) == GV_FCU_OK &&
+         !(status.flags & GV_STATUS_DEAD_MAN);
 }
 
 void gv_session_hold(gv_session *session, int64_t now_ns, const gv_frame *frame, int count) {
   session->switch_open = false;
-  for (int i = 0; i < count; i++) session->switch_open |= opens_switch(&frame[i]);
+  for (int i = 0; i < count; i++)
+    session->switch_open |= opens_switch(&frame[i]);
   update_ages(session, now_ns);
   step_safety(session, 0, 1);
 }
@@ -293,7 +329,8 @@ void gv_session_step(gv_session *session, int64_t now_ns, const gv_frame *frame,
 static gv_coupling scaled(gv_coupling c, double factor) {
   const double root = sqrt(factor);
   // Damping below 0 means critical, and stays.
-  return (gv_coupling){c.k_f * factor, c.d_f < 0.0 ? c.d_f : c.d_f * root, c.k_t * factor, c.d_t < 0.0 ? c.d_t : c.d_t * root};
+  return (gv_coupling){c.k_f * factor, c.d_f < 0.0 ? c.d_f : c.d_f * root, c.k_t * factor,
+                       c.d_t < 0.0 ? c.d_t : c.d_t * root};
 }
 
 static bool force_may_flow(const gv_session *session) {
@@ -305,17 +342,22 @@ bool gv_session_request(gv_session *session, const gv_request *request) {
   const gv_config *cfg = gv_engine_config(engine);
   switch (request->kind) {
     case GV_REQUEST_RESET:
-      if (force_may_flow(session)) return false;
+      if (force_may_flow(session))
+        return false;
       gv_engine_reset(engine);
       return true;
     case GV_REQUEST_COUPLING: {
-      const gv_coupling limb = scaled(session->limb_configured, request->value), palm = scaled(session->palm_configured, request->value);
+      const gv_coupling limb = scaled(session->limb_configured, request->value);
+      const gv_coupling palm = scaled(session->palm_configured, request->value);
       return gv_engine_adjust(engine, &limb, &palm, cfg->mu_hand) == 0;
     }
     case GV_REQUEST_FRICTION: return gv_engine_adjust(engine, &cfg->limb, &cfg->palm, request->value) == 0;
     case GV_REQUEST_DISARM: session->disarmed = true; return true;
     case GV_REQUEST_SCENE: return !force_may_flow(session);
-    case GV_REQUEST_START_LOG: case GV_REQUEST_STOP_LOG: case GV_REQUEST_TRACE: case GV_REQUEST_STATUS:
+    case GV_REQUEST_START_LOG:
+    case GV_REQUEST_STOP_LOG:
+    case GV_REQUEST_TRACE:
+    case GV_REQUEST_STATUS:
     case GV_REQUEST_KINDS: break;
   }
   return false;

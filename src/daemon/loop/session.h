@@ -17,7 +17,8 @@
 #include "wire/stream.h"
 
 enum {
-  GV_RECEIVER_HEAD = 1, GV_RECEIVER_HAND = 2, // POSE.receiver
+  GV_RECEIVER_HEAD = 1,
+  GV_RECEIVER_HAND = 2,  // POSE.receiver
   // An older counter is dropped; after so many in a row the device has restarted, and counting starts anew.
   GV_SESSION_RESYNC = GV_STREAM_RESYNC
 };
@@ -31,25 +32,29 @@ typedef struct gv_session_config {
   gv_side side;      // a glove for the other hand is not used
   bool replay;       // frames of a recording: its EFFORT frames are obeyed
   double period_s;   // of one gv_session_step
-  double command_s;  // between two commands, where they are sent more often than the engine steps; 0: period_s
+  double command_s;  // between two commands, where they are sent more often than the engine steps; 0:
+                     // period_s
 } gv_session_config;
 
 // Since the start; none but `lost` ever goes back.
 typedef struct gv_frame_counters {
-  uint64_t rx;       // frames taken from the driver
-  uint64_t tx;       // commands handed to the driver
-  uint64_t lost;     // gaps in the counters, all ids together; one that comes late after all takes its loss back
-  uint64_t bad;      // wrong length, checksum or value: dropped
-  uint64_t late;     // doubled or overtaken (older counter): dropped; and samples older than max_age_s on arrival
-  uint64_t unusable; // sound frames without a measurement: sensor fault, other hand, tracker error
-  uint64_t foreign;  // ids that are not ours
-  uint64_t errors;   // as events, for the safety machine: broken frames, gaps that nobody filled in time, frames that repeat
+  uint64_t rx;        // frames taken from the driver
+  uint64_t tx;        // commands handed to the driver
+  uint64_t lost;      // gaps in the counters, all ids together; one that comes late after all takes its
+                      // loss back
+  uint64_t bad;       // wrong length, checksum or value: dropped
+  uint64_t late;      // doubled or overtaken (older counter): dropped; and samples older than max_age_s
+                      // on arrival
+  uint64_t unusable;  // sound frames without a measurement: sensor fault, other hand, tracker error
+  uint64_t foreign;   // ids that are not ours
+  uint64_t errors;    // as events, for the safety machine: broken frames, gaps that nobody filled in
+                      // time, frames that repeat
 } gv_frame_counters;
 
 typedef struct gv_session {
   gv_session_config cfg;
   gv_engine *engine;
-  uint64_t steps_before;   // of the engines before this one
+  uint64_t steps_before;  // of the engines before this one
   gv_safety safety;
   gv_limiter limiter;
   gv_frame_counters frames;
@@ -60,22 +65,23 @@ typedef struct gv_session {
   gv_status_msg status;
   gv_source glove_source, hand_source, status_source;
   bool head_seen;
-  uint32_t glove_doubt;    // GV_FAULT_SENSOR, GV_FAULT_OTHER_HAND: why the glove's newest sound frame was no sample
-  bool switch_open;        // a sound frame of this step, whatever else it says, has the dead-man switch open
-  int64_t stepped_ns;      // now_ns of the last step
-  double pause_s;          // between the last two steps; 0 before the second
-  int64_t commanded_ns;    // now_ns of the last command
-  bool other_hand;         // a glove of the other hand was seen
-  bool disarmed;           // by request: the dead-man switch counts as open until it really is
-  gv_sample sample;        // what the engine got last
-  gv_step_result result;   // what it answered
-  double glove_age_s, hand_age_s, status_age_s; // at the last command; infinite before the first message
-  double force_n[GV_FINGERS];     // what left through the limiter
-  double force_max_n[GV_FINGERS]; // largest so far
-  unsigned limiter_flags;  // of the last step (gv_limiter_flag)
-  uint32_t faults_seen;    // every gv_fault bit so far
+  uint32_t glove_doubt;   // GV_FAULT_SENSOR, GV_FAULT_OTHER_HAND: why the glove's newest sound frame
+                          // was no sample
+  bool switch_open;       // a sound frame of this step, whatever else it says, has the dead-man switch open
+  int64_t stepped_ns;     // now_ns of the last step
+  double pause_s;         // between the last two steps; 0 before the second
+  int64_t commanded_ns;   // now_ns of the last command
+  bool other_hand;        // a glove of the other hand was seen
+  bool disarmed;          // by request: the dead-man switch counts as open until it really is
+  gv_sample sample;       // what the engine got last
+  gv_step_result result;  // what it answered
+  double glove_age_s, hand_age_s, status_age_s;  // at the last command; infinite before the first message
+  double force_n[GV_FINGERS];                    // what left through the limiter
+  double force_max_n[GV_FINGERS];                // largest so far
+  unsigned limiter_flags;                        // of the last step (gv_limiter_flag)
+  uint32_t faults_seen;                          // every gv_fault bit so far
   gv_coupling limb_configured, palm_configured;
-  gv_rung rung;            // of the deadline ladder: what the engine does of a step (full, solver, contacts)
+  gv_rung rung;  // of the deadline ladder: what the engine does of a step (full, solver, contacts)
   uint8_t command_counter;
   bool told;               // a command went out for the last step: the next one repeats it
   gv_command_msg command;  // last one sent
@@ -83,8 +89,8 @@ typedef struct gv_session {
 
 void gv_session_init(gv_session *session, const gv_session_config *cfg, gv_engine *engine);
 
-// Goes on with another engine (another scene): counters, streams and the largest forces stay; devices are waited for
-// anew, and the dead-man switch must be let go before it can arm.
+// Goes on with another engine (another scene): counters, streams and the largest forces stay; devices are
+// waited for anew, and the dead-man switch must be let go before it can arm.
 // steps_before: gv_session_steps with the engine before.
 void gv_session_change_engine(gv_session *session, gv_engine *engine, uint64_t steps_before);
 // Steps of all engines so far.
@@ -96,19 +102,23 @@ void gv_session_step(gv_session *session, int64_t now_ns, const gv_frame *frame,
 
 // One period at now_ns with the frames that came since the last one, and the number of periods that the
 // loop had to skip before it. Cost: the engine's step and below 2 us.
-void gv_session_compute(gv_session *session, int64_t now_ns, const gv_frame *frame, int count, unsigned periods_skipped);
+void gv_session_compute(gv_session *session, int64_t now_ns, const gv_frame *frame, int count,
+                        unsigned periods_skipped);
 // From the next step on the engine does what this rung of the deadline ladder leaves of a step.
 void gv_session_set_rung(gv_session *session, gv_rung rung);
-// A period without a step: safety goes on, and an open dead-man switch in the frames that wait for the next step counts.
+// A period without a step: safety goes on, and an open dead-man switch in the frames that
+// wait for the next step counts.
 void gv_session_hold(gv_session *session, int64_t now_ns, const gv_frame *frame, int count);
-// What the device is told at now_ns, when it is sent: after a step, and again between two steps where they are far
-// apart. The limiter reckons with the time since the last command. Always writes one.
+// What the device is told at now_ns, when it is sent: after a step, and again between two steps where they
+// are far apart. The limiter reckons with the time since the last command. Always writes one.
 void gv_session_command(gv_session *session, int64_t now_ns, gv_frame *out_command);
 
-// Reset, scene (whether it may be changed now: the caller does it), coupling, friction or disarm, between two steps. False: not now (a force may flow), nothing has changed.
+// Reset, scene (whether it may be changed now: the caller does it), coupling, friction or disarm, between
+// two steps. False: not now (a force may flow), nothing has changed.
 bool gv_session_request(gv_session *session, const gv_request *request);
 
-// One period of ending: no engine step, forces ramp to zero. Returns true when the command carries none any more.
+// One period of ending: no engine step, forces ramp to zero. Returns true when the
+// command carries none any more.
 bool gv_session_stop(gv_session *session, int64_t now_ns, gv_frame *out_command);
 
 #endif

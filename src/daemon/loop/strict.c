@@ -72,7 +72,8 @@ static void write_program(program *p, unsigned driver_calls) {
   go_on_if(p, BPF_JEQ, PROCESSOR, 1);
   // On another processor the loaded word stays its name, which is no call's number.
   load(p, offsetof(struct seccomp_data, nr));
-  for (size_t i = 0; i < sizeof always / sizeof *always; i++) allow(p, always[i]);
+  for (size_t i = 0; i < sizeof always / sizeof *always; i++)
+    allow(p, always[i]);
   if (driver_calls & GV_CALLS_SOCKET) {
     allow(p, __NR_recvmmsg);
     allow(p, __NR_sendto);
@@ -88,7 +89,8 @@ int gv_strict_enter(unsigned driver_calls) {
   program p = {.lines = 0};
   write_program(&p, driver_calls);
   const struct sock_fprog whole = {p.lines, p.line};
-  if (prctl(PR_SET_NO_NEW_PRIVS, 1UL, 0UL, 0UL, 0UL) != 0) return errno;
+  if (prctl(PR_SET_NO_NEW_PRIVS, 1UL, 0UL, 0UL, 0UL) != 0)
+    return errno;
   // Without SECCOMP_FILTER_FLAG_TSYNC it is of this thread alone.
   return syscall(SYS_seccomp, SECCOMP_SET_MODE_FILTER, 0U, &whole) == 0 ? 0 : errno;
 }

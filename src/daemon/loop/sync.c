@@ -2,7 +2,7 @@
 // The clock that follows a device (sync.h): a phase-locked loop of first order with a bounded pull.
 #include "daemon/loop/sync.h"
 
-enum { GAIN = 8, PULL_MAX = 50 }; // parts of the error, and of the period, by which the clock moves at once
+enum { GAIN = 8, PULL_MAX = 50 };  // parts of the error, and of the period, by which the clock moves at once
 
 void gv_sync_init(gv_sync *sync, int64_t period_ns) {
   *sync = (gv_sync){.period_ns = period_ns, .interval_ns = period_ns};
@@ -10,8 +10,10 @@ void gv_sync_init(gv_sync *sync, int64_t period_ns) {
 
 void gv_sync_note(gv_sync *sync, int64_t frame_ns) {
   int64_t interval_ns = frame_ns - sync->frame_ns;
-  if (interval_ns < 0) interval_ns = 0;
-  if (interval_ns > sync->period_ns) interval_ns = sync->period_ns;
+  if (interval_ns < 0)
+    interval_ns = 0;
+  if (interval_ns > sync->period_ns)
+    interval_ns = sync->period_ns;
   sync->interval_ns += (interval_ns - sync->interval_ns) / GAIN;
   sync->frame_ns = frame_ns;
 }
@@ -24,10 +26,13 @@ int64_t gv_sync_follow(const gv_sync *sync, int64_t due_ns, int64_t frame_ns) {
   const int64_t most_ns = sync->period_ns / PULL_MAX;
   int64_t off_ns = frame_ns - due_ns;
   // A frame before the window came late for the step before this one.
-  if (off_ns < -sync->period_ns / 2) off_ns += sync->period_ns;
+  if (off_ns < -sync->period_ns / 2)
+    off_ns += sync->period_ns;
   int64_t pull_ns = off_ns / GAIN;
-  if (pull_ns > most_ns) pull_ns = most_ns;
-  if (pull_ns < -most_ns) pull_ns = -most_ns;
+  if (pull_ns > most_ns)
+    pull_ns = most_ns;
+  if (pull_ns < -most_ns)
+    pull_ns = -most_ns;
   return due_ns + pull_ns;
 }
 

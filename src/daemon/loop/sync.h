@@ -15,15 +15,15 @@
 
 typedef struct gv_sync {
   int64_t period_ns;
-  int64_t interval_ns; // between the glove's frames, smoothed; a period at most
-  int64_t frame_ns;    // of the newest one
-  bool following;      // the device's frames are the clock now
+  int64_t interval_ns;  // between the glove's frames, smoothed; a period at most
+  int64_t frame_ns;     // of the newest one
+  bool following;       // the device's frames are the clock now
   int frames_in_row, misses_in_row;
 } gv_sync;
 
 enum {
-  GV_SYNC_FRAMES_TO_FOLLOW = 16, // steps on a frame in a row after which the device counts as the clock
-  GV_SYNC_MISSES_TO_LEAVE = 4    // steps without one after which it does not
+  GV_SYNC_FRAMES_TO_FOLLOW = 16,  // steps on a frame in a row after which the device counts as the clock
+  GV_SYNC_MISSES_TO_LEAVE = 4     // steps without one after which it does not
 };
 
 void gv_sync_init(gv_sync *sync, int64_t period_ns);

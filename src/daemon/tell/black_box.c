@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// Keeps frames and steps in two rings that overwrite their oldest entry, and writes ten seconds of them after a fault
-// (black_box.h). Writing goes on beside keeping: the rings hold a second more than is written, and what is overwritten
-// before its turn is left out. Slow thread.
+// Keeps frames and steps in two rings that overwrite their oldest entry, and writes ten seconds of them
+// after a fault (black_box.h). Writing goes on beside keeping: the rings hold a second more than is written,
+// and what is overwritten before its turn is left out. Slow thread.
 #include "daemon/tell/black_box.h"
 
 #include <errno.h>
@@ -17,15 +17,16 @@
 #include "gloved/drivers.h"
 
 enum {
-  LINES_A_PASS = 1000,          // some 1 ms
+  LINES_A_PASS = 1000,  // some 1 ms
   KEPT_MS = GV_BLACK_BOX_BEFORE_S * 1000 + GV_BLACK_BOX_AFTER_MS + 1000,
-  DEVICE_FRAMES_HZ = 4000,      // room for what devices send; with more, the time that the ring covers is shorter
-  NAMES = 100                   // files of one second before it gives up
+  DEVICE_FRAMES_HZ = 4000,  // room for what devices send; with more, the time that the ring covers
+                            // is shorter
+  NAMES = 100               // files of one second before it gives up
 };
 
 // What is kept of a step: 96 bytes.
 typedef struct box_step {
-  int64_t number, now_ns;       // step number x period, as its frames are stamped
+  int64_t number, now_ns;  // step number x period, as its frames are stamped
   int64_t utime;
   int32_t wake_ns, work_ns;
   uint32_t events, faults;
@@ -35,7 +36,9 @@ typedef struct box_step {
 } box_step;
 
 // A part of a ring that is being written: entries [next, end), counted since the start.
-typedef struct range { uint64_t next, end; } range;
+typedef struct range {
+  uint64_t next, end;
+} range;
 
 struct gv_black_box {
   char folder[512], path[560];  // of the files being written, without their endings
@@ -43,31 +46,39 @@ struct gv_black_box {
   const gv_about *about;
   gv_frame *frame;
   box_step *step;
-  uint64_t frame_room, step_room;     // entries
-  uint64_t frames, steps;             // so far
-  int64_t wall_ns;                    // time of day of step 0
-  int64_t fault_ns, fault_utime;      // last step before the fault that waits for its aftermath
+  uint64_t frame_room, step_room;  // entries
+  uint64_t frames, steps;          // so far
+  int64_t wall_ns;                 // time of day of step 0
+  int64_t fault_ns, fault_utime;   // last step before the fault that waits for its aftermath
   bool waiting;
-  int written;                        // faults
-  FILE *log, *csv;                    // null: nothing is being written
+  int written;      // faults
+  FILE *log, *csv;  // null: nothing is being written
   range log_range, csv_range;
 };
 
 // ---- where ----------------------------------------------------------------------------------------------
 
 int gv_black_box_folder(const char *asked, char out[512], char *err, size_t err_size) {
-  const char *service = getenv("STATE_DIRECTORY"), *state = getenv("XDG_STATE_HOME"), *home = getenv("HOME");
+  const char *service = getenv("STATE_DIRECTORY");
+  const char *state = getenv("XDG_STATE_HOME");
+  const char *home = getenv("HOME");
   struct stat there;
   if (*asked) {
     snprintf(out, 512, "%s", asked);
-    if (stat(asked, &there) == 0 && S_ISDIR(there.st_mode) && access(asked, W_OK | X_OK) == 0) return 0;
-    snprintf(err, err_size, "%s: no folder that can be written into; make one, or choose another for --black-box", asked);
+    if (stat(asked, &there) == 0 && S_ISDIR(there.st_mode) && access(asked, W_OK | X_OK) == 0)
+      return 0;
+    snprintf(err, err_size,
+             "%s: no folder that can be written into; make one, or choose another for --black-box", asked);
     return -1;
   }
-  if (service && *service) snprintf(out, 512, "%.*s", (int)strcspn(service, ":"), service);
-  else if (state && *state) snprintf(out, 512, "%s/gloved", state);
-  else if (home && *home) snprintf(out, 512, "%s/.local/state/gloved", home);
-  else snprintf(out, 512, ".");
+  if (service && *service)
+    snprintf(out, 512, "%.*s", (int)strcspn(service, ":"), service);
+  else if (state && *state)
+    snprintf(out, 512, "%s/gloved", state);
+  else if (home && *home)
+    snprintf(out, 512, "%s/.local/state/gloved", home);
+  else
+    snprintf(out, 512, ".");
   return 0;
 }
 
@@ -87,7 +98,8 @@ gv_black_box *gv_black_box_open(const char *folder, const gv_about *about) {
   const char *fcu = about->fcu;
   const double rate_hz = about->rate_hz;
   gv_black_box *box = calloc(1, sizeof *box);
-  if (!box) return NULL;
+  if (!box)
+    return NULL;
   const bool can = strncmp(fcu, "can:", 4) == 0;
   box->about = about;
   snprintf(box->folder, sizeof box->folder, "%s", folder);
@@ -96,23 +108,34 @@ gv_black_box *gv_black_box_open(const char *folder, const gv_about *about) {
   box->frame_room = (uint64_t)((rate_hz + DEVICE_FRAMES_HZ) * KEPT_MS / 1000) + 1;
   box->step = calloc(box->step_room, sizeof *box->step);
   box->frame = calloc(box->frame_room, sizeof *box->frame);
-  if (box->step && box->frame) return box;
+  if (box->step && box->frame)
+    return box;
   gv_black_box_close(box);
   return NULL;
 }
 
 void gv_black_box_frame(gv_black_box *box, const gv_frame *frame) {
-  if (box) box->frame[box->frames++ % box->frame_room] = *frame;
+  if (box)
+    box->frame[box->frames++ % box->frame_room] = *frame;
 }
 
 // A step with many frames comes in several records: the first one counts.
 void gv_black_box_step(gv_black_box *box, const gv_step_record *record) {
-  if (!box || (box->steps && box->step[(box->steps - 1) % box->step_room].number == record->step)) return;
-  if (box->steps == 0) box->wall_ns = (record->utime * 1000 - record->step_ns) / 1000 * 1000;
+  if (!box || (box->steps && box->step[(box->steps - 1) % box->step_room].number == record->step))
+    return;
+  if (box->steps == 0)
+    box->wall_ns = (record->utime * 1000 - record->step_ns) / 1000 * 1000;
   box_step *out = &box->step[box->steps++ % box->step_room];
-  *out = (box_step){.number = record->step, .now_ns = record->step_ns, .utime = record->utime, .wake_ns = record->wake_ns,
-                    .work_ns = record->work_ns, .events = record->events, .faults = record->faults,
-                    .contacts = (int16_t)record->contacts, .safety = (int8_t)record->safety, .depth_m = (float)record->depth_m};
+  *out = (box_step){.number = record->step,
+                    .now_ns = record->step_ns,
+                    .utime = record->utime,
+                    .wake_ns = record->wake_ns,
+                    .work_ns = record->work_ns,
+                    .events = record->events,
+                    .faults = record->faults,
+                    .contacts = (int16_t)record->contacts,
+                    .safety = (int8_t)record->safety,
+                    .depth_m = (float)record->depth_m};
   for (int i = 0; i < GV_FINGERS; i++) {
     out->desired_n[i] = (float)record->desired_n[i];
     out->force_n[i] = (float)record->force_n[i];
@@ -125,8 +148,10 @@ static int64_t newest_ns(const gv_black_box *box) {
 
 // A fault while another one is written, or waits for its aftermath, is part of the same story.
 void gv_black_box_record(gv_black_box *box, const gv_record *record) {
-  if (!box || record->kind != GV_RECORD_STATE || record->to != GV_SAFETY_FAULT) return;
-  if (box->waiting || box->log || box->written >= GV_BLACK_BOX_MAX) return;
+  if (!box || record->kind != GV_RECORD_STATE || record->to != GV_SAFETY_FAULT)
+    return;
+  if (box->waiting || box->log || box->written >= GV_BLACK_BOX_MAX)
+    return;
   box->waiting = true;
   box->fault_ns = newest_ns(box);
   box->fault_utime = record->utime;
@@ -150,11 +175,14 @@ static int open_files(gv_black_box *box) {
   errno = EEXIST;
   for (int i = 1; i <= NAMES && errno == EEXIST; i++) {
     const int length = snprintf(box->path, sizeof box->path, "%s/gloved-fault-%s", box->folder, date);
-    if (i > 1) snprintf(box->path + length, sizeof box->path - (size_t)length, "-%d", i);
+    if (i > 1)
+      snprintf(box->path + length, sizeof box->path - (size_t)length, "-%d", i);
     box->log = open_new(box, ".log");
-    if (!box->log) continue;
+    if (!box->log)
+      continue;
     box->csv = open_new(box, ".csv");
-    if (box->csv) return 0;
+    if (box->csv)
+      return 0;
     const int why = errno;
     fclose(box->log);
     box->log = NULL;
@@ -170,7 +198,8 @@ static void find_ranges(gv_black_box *box) {
   const int64_t from_ns = box->fault_ns - (int64_t)GV_BLACK_BOX_BEFORE_S * 1000000000;
   box->log_range = (range){oldest(box->frames, box->frame_room), box->frames};
   box->csv_range = (range){oldest(box->steps, box->step_room), box->steps};
-  while (box->log_range.next < box->frames && box->frame[box->log_range.next % box->frame_room].stamp_ns < from_ns)
+  while (box->log_range.next < box->frames &&
+         box->frame[box->log_range.next % box->frame_room].stamp_ns < from_ns)
     box->log_range.next++;
   while (box->csv_range.next < box->steps && box->step[box->csv_range.next % box->step_room].now_ns < from_ns)
     box->csv_range.next++;
@@ -179,7 +208,8 @@ static void find_ranges(gv_black_box *box) {
 static void write_about(const gv_black_box *box) {
   char log[600], err[300];
   snprintf(log, sizeof log, "%s.log", box->path);
-  if (gv_about_write(box->about, log, err, sizeof err)) fprintf(stderr, "gloved: black box: %s\n", err);
+  if (gv_about_write(box->about, log, err, sizeof err))
+    fprintf(stderr, "gloved: black box: %s\n", err);
 }
 
 static void begin(gv_black_box *box) {
@@ -188,14 +218,17 @@ static void begin(gv_black_box *box) {
   make_folders(box->folder);
   const int why = open_files(box);
   if (why) {
-    fprintf(stderr, "gloved: black box: %s: cannot be written (%s); choose another folder with --black-box\n", box->folder, strerror(why));
+    fprintf(stderr, "gloved: black box: %s: cannot be written (%s); choose another folder with --black-box\n",
+            box->folder, strerror(why));
     return;
   }
   find_ranges(box);
   write_about(box);
   fputs("step,time_s,utime,state,faults,events,wake_us,work_us,contacts,depth_mm", box->csv);
-  for (int i = 0; i < GV_FINGERS; i++) fprintf(box->csv, ",desired%d_n", i);
-  for (int i = 0; i < GV_FINGERS; i++) fprintf(box->csv, ",commanded%d_n", i);
+  for (int i = 0; i < GV_FINGERS; i++)
+    fprintf(box->csv, ",desired%d_n", i);
+  for (int i = 0; i < GV_FINGERS; i++)
+    fprintf(box->csv, ",commanded%d_n", i);
   fputc('\n', box->csv);
 }
 
@@ -204,50 +237,66 @@ static void write_frame(gv_black_box *box, uint64_t number) {
   gv_frame frame = box->frame[number % box->frame_room];
   frame.stamp_ns += box->wall_ns;
   const int length = gv_log_format(&frame, box->iface, line);
-  if (length > 0) fwrite(line, 1, (size_t)length, box->log);
+  if (length > 0)
+    fwrite(line, 1, (size_t)length, box->log);
 }
 
 static void write_step(gv_black_box *box, uint64_t number) {
   const box_step *s = &box->step[number % box->step_room];
-  fprintf(box->csv, "%" PRId64 ",%.6f,%" PRId64 ",%s,%s,%" PRIu32 ",%.1f,%.1f,%d,%.4f", s->number, (double)s->now_ns * 1e-9, s->utime,
-          gv_safety_name((gv_safety_state)s->safety), s->faults ? gv_fault_text(s->faults) : "", s->events, s->wake_ns * 1e-3,
-          s->work_ns * 1e-3, s->contacts, (double)s->depth_m * 1e3);
-  for (int i = 0; i < GV_FINGERS; i++) fprintf(box->csv, ",%.4f", (double)s->desired_n[i]);
-  for (int i = 0; i < GV_FINGERS; i++) fprintf(box->csv, ",%.4f", (double)s->force_n[i]);
+  fprintf(box->csv, "%" PRId64 ",%.6f,%" PRId64 ",%s,%s,%" PRIu32 ",%.1f,%.1f,%d,%.4f", s->number,
+          (double)s->now_ns * 1e-9, s->utime, gv_safety_name((gv_safety_state)s->safety),
+          s->faults ? gv_fault_text(s->faults) : "", s->events, s->wake_ns * 1e-3, s->work_ns * 1e-3,
+          s->contacts, (double)s->depth_m * 1e3);
+  for (int i = 0; i < GV_FINGERS; i++)
+    fprintf(box->csv, ",%.4f", (double)s->desired_n[i]);
+  for (int i = 0; i < GV_FINGERS; i++)
+    fprintf(box->csv, ",%.4f", (double)s->force_n[i]);
   fputc('\n', box->csv);
 }
 
 // At most *lines of the range. What was overwritten meanwhile is passed over.
 static void write_range(gv_black_box *box, range *part, uint64_t count, uint64_t room, int *lines,
                         void (*write)(gv_black_box *box, uint64_t number)) {
-  if (part->next < oldest(count, room)) part->next = oldest(count, room);
-  for (; part->next < part->end && *lines > 0; part->next++, --*lines) write(box, part->next);
+  if (part->next < oldest(count, room))
+    part->next = oldest(count, room);
+  for (; part->next < part->end && *lines > 0; part->next++, --*lines)
+    write(box, part->next);
 }
 
 static void end(gv_black_box *box) {
   const bool whole = !ferror(box->log) && !ferror(box->csv);
-  const bool log_closed = fclose(box->log) == 0, csv_closed = fclose(box->csv) == 0;
+  const bool log_closed = fclose(box->log) == 0;
+  const bool csv_closed = fclose(box->csv) == 0;
   box->log = box->csv = NULL;
   if (whole && log_closed && csv_closed)
-    fprintf(stderr, "gloved: fault: the time before it is in %s.log (frames, for --fcu trace:) and .csv (steps)\n", box->path);
+    fprintf(stderr,
+            "gloved: fault: the time before it is in %s.log (frames, for --fcu trace:) and .csv (steps)\n",
+            box->path);
   else
     fprintf(stderr, "gloved: black box: %s.log: not written whole; make room on the disk\n", box->path);
 }
 
 void gv_black_box_work(gv_black_box *box) {
   int lines = LINES_A_PASS;
-  if (!box) return;
-  if (box->waiting && newest_ns(box) - box->fault_ns >= (int64_t)GV_BLACK_BOX_AFTER_MS * 1000000) begin(box);
-  if (!box->log) return;
+  if (!box)
+    return;
+  if (box->waiting && newest_ns(box) - box->fault_ns >= (int64_t)GV_BLACK_BOX_AFTER_MS * 1000000)
+    begin(box);
+  if (!box->log)
+    return;
   write_range(box, &box->log_range, box->frames, box->frame_room, &lines, write_frame);
   write_range(box, &box->csv_range, box->steps, box->step_room, &lines, write_step);
-  if (lines > 0) end(box);
+  if (lines > 0)
+    end(box);
 }
 
 void gv_black_box_close(gv_black_box *box) {
-  if (!box) return;
-  if (box->waiting) begin(box);
-  while (box->log) gv_black_box_work(box);
+  if (!box)
+    return;
+  if (box->waiting)
+    begin(box);
+  while (box->log)
+    gv_black_box_work(box);
   free(box->frame);
   free(box->step);
   free(box);

@@ -15,23 +15,27 @@
 #include "daemon/loop/snapshot.h"
 
 enum {
-  GV_DRAKE_CONTACTS = 24,   // dots and arrows: the strongest contacts of a snapshot
+  GV_DRAKE_CONTACTS = 24,  // dots and arrows: the strongest contacts of a snapshot
   GV_DRAKE_SHAFTS = 4,
   GV_DRAKE_LINKS = 2 * GV_LIMBS + 1 + GV_MAX_OBJECTS + GV_DRAKE_CONTACTS * (2 + GV_DRAKE_SHAFTS),
   GV_DRAKE_NAME = 48,
   GV_DRAKE_NUMBERS = 11500  // floats of all shapes: 46 kB, so that the whole message stays below 64 kB
 };
 
-typedef enum gv_drake_type { // as on the wire
-  GV_DRAKE_BOX = 1, GV_DRAKE_SPHERE = 2, GV_DRAKE_CYLINDER = 3, GV_DRAKE_MESH = 4, GV_DRAKE_CAPSULE = 5
+typedef enum gv_drake_type {  // as on the wire
+  GV_DRAKE_BOX = 1,
+  GV_DRAKE_SPHERE = 2,
+  GV_DRAKE_CYLINDER = 3,
+  GV_DRAKE_MESH = 4,
+  GV_DRAKE_CAPSULE = 5
 } gv_drake_type;
 
 typedef struct gv_drake_link {
   char name[GV_DRAKE_NAME];
   gv_drake_type type;
-  gv_quat q_link_shape;     // the viewer's capsules lie along z, ours along x
+  gv_quat q_link_shape;  // the viewer's capsules lie along z, ours along x
   float color[4];
-  int number_first, number_count; // into gv_drake.number; count 0: no shape
+  int number_first, number_count;  // into gv_drake.number; count 0: no shape
 } gv_drake_link;
 
 typedef struct gv_drake {
@@ -43,8 +47,9 @@ typedef struct gv_drake {
   float number[GV_DRAKE_NUMBERS];
 } gv_drake;
 
-// Every shape. The scene must outlive it. Meshes that do not fit are thinned: vertices that lie close together
-// become one. Takes temporary memory from the heap; where there is none the object is left out of the picture.
+// Every shape. The scene must outlive it. Meshes that do not fit are thinned: vertices that lie
+// close together become one. Takes temporary memory from the heap; where there is none the
+// object is left out of the picture.
 void gv_drake_init(gv_drake *drake, const gv_hand_model *hand, const gv_scene *scene);
 // T_world_link of every link. Poses are finite, quaternions of unit length, whatever the snapshot holds.
 void gv_drake_update(gv_drake *drake, const gv_snapshot *snapshot);

@@ -5,9 +5,12 @@
 void gv_json_text(FILE *out, const char *text) {
   fputc('"', out);
   for (; *text; text++) {
-    if ((unsigned char)*text < 0x20) fprintf(out, "\\u%04x", (unsigned)*text);
-    else if (*text == '"' || *text == '\\') fprintf(out, "\\%c", *text);
-    else fputc(*text, out);
+    if ((unsigned char)*text < 0x20)
+      fprintf(out, "\\u%04x", (unsigned)*text);
+    else if (*text == '"' || *text == '\\')
+      fprintf(out, "\\%c", *text);
+    else
+      fputc(*text, out);
   }
   fputc('"', out);
 }

@@ -12,7 +12,8 @@ int gv_recorder_open(gv_recorder *recorder, const char *path, const char *fcu, c
   struct timespec now;
   *recorder = (gv_recorder){.path = path, .file = fopen(path, "w")};
   if (!recorder->file) {
-    snprintf(err, err_size, "%s: cannot be written (%s); choose another place for --record", path, strerror(errno));
+    snprintf(err, err_size, "%s: cannot be written (%s); choose another place for --record", path,
+             strerror(errno));
     return -1;
   }
   const bool can = strncmp(fcu, "can:", 4) == 0;
@@ -25,20 +26,24 @@ int gv_recorder_open(gv_recorder *recorder, const char *path, const char *fcu, c
 void gv_recorder_frame(gv_recorder *recorder, const gv_frame *recorded) {
   char line[GV_LOG_LINE_MAX + 1];
   gv_frame frame = *recorded;
-  if (!recorder->file || recorder->failed) return;
+  if (!recorder->file || recorder->failed)
+    return;
   frame.stamp_ns += recorder->start_ns;
   const size_t length = (size_t)gv_log_format(&frame, recorder->iface, line);
-  if (fwrite(line, 1, length, recorder->file) != length) recorder->failed = true;
+  if (fwrite(line, 1, length, recorder->file) != length)
+    recorder->failed = true;
   recorder->wrote = true;
 }
 
 void gv_recorder_flush(gv_recorder *recorder) {
-  if (recorder->wrote && !recorder->failed && fflush(recorder->file) != 0) recorder->failed = true;
+  if (recorder->wrote && !recorder->failed && fflush(recorder->file) != 0)
+    recorder->failed = true;
   recorder->wrote = false;
 }
 
 int gv_recorder_close(gv_recorder *recorder) {
-  if (!recorder->file) return 0;
+  if (!recorder->file)
+    return 0;
   const bool closed = fclose(recorder->file) == 0;
   recorder->file = NULL;
   return closed && !recorder->failed ? 0 : -1;

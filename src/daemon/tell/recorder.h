@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// --record FILE: every frame in and out as a candump -L log. The real-time thread hands the frames over in a
-// ring (loop.h), stamped with the time of their step (step number x period), so that a replay feeds each to the same
-// step and ends with the same state; commands of the ramp to zero at the end carry the stamp of the last step. What is
-// written here is that, plus the time of day when the file was opened. Set-up and slow thread.
+// --record FILE: every frame in and out as a candump -L log. The real-time thread hands the frames over
+// in a ring (loop.h), stamped with the time of their step (step number x period), so that a replay
+// feeds each to the same step and ends with the same state; commands of the ramp to zero at the end
+// carry the stamp of the last step. What is written here is that, plus the time of day when the file
+// was opened. Set-up and slow thread.
 #ifndef GLOVED_PROCESS_RECORDER_H
 #define GLOVED_PROCESS_RECORDER_H
 
@@ -12,12 +13,12 @@
 #include "gloved/frame.h"
 
 typedef struct gv_recorder {
-  FILE *file;              // null: nothing is recorded
-  const char *path;        // the caller's
-  char iface[16];          // as the log names it
-  int64_t start_ns;        // time of day of step 0, whole microseconds
-  bool failed;             // the disk refused
-  bool wrote;              // since the last flush
+  FILE *file;        // null: nothing is recorded
+  const char *path;  // the caller's
+  char iface[16];    // as the log names it
+  int64_t start_ns;  // time of day of step 0, whole microseconds
+  bool failed;       // the disk refused
+  bool wrote;        // since the last flush
 } gv_recorder;
 
 // `fcu`: the URL, for the interface's name. 0, or negative with one line in err.

@@ -18,9 +18,11 @@ static int64_t clock_ns(void) {
 static void report_refusals(const gv_loop *loop, bool *reported) {
   char text[200];
   int refusals = atomic_load(&loop->refusals);
-  if (*reported || refusals < 0) return;
+  if (*reported || refusals < 0)
+    return;
   *reported = true;
-  if (!refusals) return;
+  if (!refusals)
+    return;
   gv_realtime_refusal_text((unsigned)refusals, text, sizeof text);
   fprintf(stderr, "gloved: %s\n", text);
 }
@@ -30,9 +32,11 @@ static void report_devices(const gv_loop *loop, gv_view *view, int64_t *next_ns)
   char text[GV_VIEW_NOTE];
   const gv_driver *driver = loop->driver;
   const int64_t now_ns = clock_ns();
-  if (!driver->tell || now_ns < *next_ns) return;
+  if (!driver->tell || now_ns < *next_ns)
+    return;
   *next_ns = now_ns + 100000000;
-  while (driver->tell(driver->self, now_ns, text, sizeof text)) gv_view_note(view, text);
+  while (driver->tell(driver->self, now_ns, text, sizeof text))
+    gv_view_note(view, text);
 }
 
 static void empty_rings(gv_loop *loop, const gv_listeners *to) {

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// The slow thread: empties the loop's rings into telemetry, recording, black box and view until the loop has ended.
+// The slow thread: empties the loop's rings into telemetry, recording, black box and
+// view until the loop has ended.
 #ifndef GLOVED_PROCESS_SLOW_H
 #define GLOVED_PROCESS_SLOW_H
 
@@ -15,7 +16,7 @@ typedef struct gv_listeners {
   gv_recorder *recorder;
   gv_black_box *black_box;  // null: none
   gv_view *view;
-  gv_notify *notify;        // the service manager
+  gv_notify *notify;  // the service manager
 } gv_listeners;
 
 // Returns when the loop has ended and its rings are empty. Runs in the caller's thread (main).

@@ -10,14 +10,17 @@
 #include "daemon/tell/json.h"
 
 static void put_number(FILE *out, double value) {
-  if (isfinite(value)) fprintf(out, "%.17g", value);
-  else fputs("null", out);
+  if (isfinite(value))
+    fprintf(out, "%.17g", value);
+  else
+    fputs("null", out);
 }
 
 static void put_numbers(FILE *out, const double *value, int count) {
   fputc('[', out);
   for (int i = 0; i < count; i++) {
-    if (i) fputs(", ", out);
+    if (i)
+      fputs(", ", out);
     put_number(out, value[i]);
   }
   fputc(']', out);
@@ -25,25 +28,34 @@ static void put_numbers(FILE *out, const double *value, int count) {
 
 static void put_quantiles(FILE *out, const char *key, const gv_histogram *histogram) {
   const gv_quantiles q = gv_histogram_quantiles(histogram);
-  fprintf(out, "  \"%s\": {\"p50\": %.3f, \"p99\": %.3f, \"p999\": %.3f, \"max\": %.3f},\n", key, q.p50_us, q.p99_us,
-          q.p999_us, q.max_us);
+  fprintf(out, "  \"%s\": {\"p50\": %.3f, \"p99\": %.3f, \"p999\": %.3f, \"max\": %.3f},\n", key, q.p50_us,
+          q.p99_us, q.p999_us, q.max_us);
 }
 
 static void put_engine(FILE *out, const gv_session *session) {
   const gv_counters *c = gv_engine_counters(session->engine);
-  fprintf(out, "  \"steps\": %" PRId64 ",\n  \"state_hash\": \"%016" PRIx64 "\",\n", gv_session_steps(session), gv_engine_hash(session->engine));
-  fprintf(out, "  \"contacts_max\": %" PRIu32 ",\n  \"contacts_dropped\": %" PRIu64 ",\n", c->contacts_max, c->contacts_dropped);
+  fprintf(out, "  \"steps\": %" PRId64 ",\n  \"state_hash\": \"%016" PRIx64 "\",\n",
+          gv_session_steps(session), gv_engine_hash(session->engine));
+  fprintf(out, "  \"contacts_max\": %" PRIu32 ",\n  \"contacts_dropped\": %" PRIu64 ",\n", c->contacts_max,
+          c->contacts_dropped);
   fputs("  \"depth_max_m\": ", out);
   put_number(out, c->depth_max_m);
   fputs(",\n  \"force_max_n\": ", out);
   put_numbers(out, session->force_max_n, GV_FINGERS);
-  fprintf(out, ",\n  \"samples\": %" PRIu64 ",\n  \"samples_refused\": %" PRIu64 ",\n  \"angles_limited\": %" PRIu64 ",\n  \"body_resets\": %" PRIu64
-          ",\n  \"pairs_dropped\": %" PRIu64 ",\n  \"pairs_left_over\": %" PRIu64 ",\n  \"overlaps\": %" PRIu64 ",\n",
-          c->samples, c->samples_refused, c->angles_limited, c->body_resets, c->pairs_dropped, c->pairs_left_over, c->overlaps);
+  fprintf(out,
+          ",\n  \"samples\": %" PRIu64 ",\n  \"samples_refused\": %" PRIu64
+          ",\n  \"angles_limited\": %" PRIu64 ",\n  \"body_resets\": %" PRIu64
+          ",\n  \"pairs_dropped\": %" PRIu64 ",\n  \"pairs_left_over\": %" PRIu64
+          ",\n  \"overlaps\": %" PRIu64 ",\n",
+          c->samples, c->samples_refused, c->angles_limited, c->body_resets, c->pairs_dropped,
+          c->pairs_left_over, c->overlaps);
   fprintf(out, "  \"operations_per_s\": %.4g,\n", gv_engine_config(session->engine)->operations_per_s);
-  fprintf(out, "  \"solver_steps\": {\"newton\": %" PRIu64 ", \"newton_softened\": %" PRIu64 ", \"dantzig\": %" PRIu64
-          ", \"dantzig_lagged\": %" PRIu64 ", \"quickstep\": %" PRIu64 ", \"none\": %" PRIu64 "},\n  \"solver_errors\": %" PRIu64 ",\n",
-          c->newton_steps, c->newton_softened, c->dantzig_steps, c->dantzig_lagged, c->quickstep_steps, c->unsolved_steps, c->solver_errors);
+  fprintf(out,
+          "  \"solver_steps\": {\"newton\": %" PRIu64 ", \"newton_softened\": %" PRIu64
+          ", \"dantzig\": %" PRIu64 ", \"dantzig_lagged\": %" PRIu64 ", \"quickstep\": %" PRIu64
+          ", \"none\": %" PRIu64 "},\n  \"solver_errors\": %" PRIu64 ",\n",
+          c->newton_steps, c->newton_softened, c->dantzig_steps, c->dantzig_lagged, c->quickstep_steps,
+          c->unsolved_steps, c->solver_errors);
 }
 
 static void put_ladder(FILE *out, const gv_loop *loop) {
@@ -54,13 +66,17 @@ static void put_ladder(FILE *out, const gv_loop *loop) {
 }
 
 static void put_loop(FILE *out, const gv_loop *loop) {
-  fprintf(out, "  \"missed_deadlines\": %" PRIu64 ",\n  \"overruns\": %" PRIu64 ",\n", loop->missed_deadlines, loop->overruns);
+  fprintf(out, "  \"missed_deadlines\": %" PRIu64 ",\n  \"overruns\": %" PRIu64 ",\n", loop->missed_deadlines,
+          loop->overruns);
   if (loop->cfg.sync_device)
-    fprintf(out, "  \"sync\": {\"on_frame\": %" PRIu64 ", \"on_clock\": %" PRIu64 "},\n", loop->on_frame, loop->on_clock);
+    fprintf(out, "  \"sync\": {\"on_frame\": %" PRIu64 ", \"on_clock\": %" PRIu64 "},\n", loop->on_frame,
+            loop->on_clock);
   put_ladder(out, loop);
   put_quantiles(out, "step_us", &loop->step);
   put_quantiles(out, "wake_us", &loop->wake);
-  fprintf(out, "  \"rt_heap_calls\": %" PRIu64 ",\n  \"rt_page_faults\": {\"major\": %" PRId64 ", \"minor\": %" PRId64 "},\n",
+  fprintf(out,
+          "  \"rt_heap_calls\": %" PRIu64 ",\n  \"rt_page_faults\": {\"major\": %" PRId64
+          ", \"minor\": %" PRId64 "},\n",
           loop->heap_calls, loop->page_faults.major, loop->page_faults.minor);
 }
 
@@ -70,9 +86,11 @@ static void put_telemetry(FILE *out, const gv_summary *s) {
 }
 
 static void put_frames(FILE *out, const gv_frame_counters *f, const gv_driver_stats *d) {
-  fprintf(out, "  \"frames\": {\"rx\": %" PRIu64 ", \"tx\": %" PRIu64 ", \"lost\": %" PRIu64 ", \"bad\": %" PRIu64
-          ", \"late\": %" PRIu64 ", \"unusable\": %" PRIu64 ", \"foreign\": %" PRIu64 ", \"tx_failed\": %" PRIu64
-          ", \"overflow\": %" PRIu64 ", \"bus_errors\": %" PRIu64 ", \"link_downs\": %" PRIu64 "},\n",
+  fprintf(out,
+          "  \"frames\": {\"rx\": %" PRIu64 ", \"tx\": %" PRIu64 ", \"lost\": %" PRIu64 ", \"bad\": %" PRIu64
+          ", \"late\": %" PRIu64 ", \"unusable\": %" PRIu64 ", \"foreign\": %" PRIu64
+          ", \"tx_failed\": %" PRIu64 ", \"overflow\": %" PRIu64 ", \"bus_errors\": %" PRIu64
+          ", \"link_downs\": %" PRIu64 "},\n",
           f->rx, f->tx, f->lost, f->bad + d->bad, f->late, f->unusable, f->foreign + d->foreign, d->tx_failed,
           d->lost, d->bus_errors, d->link_downs);
 }
@@ -117,7 +135,8 @@ int gv_summary_json(const gv_summary *s, FILE *out) {
   put_objects(out, session, s->scene);
   fputs("  \"force_final_n\": ", out);
   put_numbers(out, session->force_n, GV_FINGERS);
-  fprintf(out, ",\n  \"memory\": {\"used\": %zu, \"peak\": %zu, \"size\": %zu}\n}\n", s->arena->used, s->arena->peak, s->arena->size);
+  fprintf(out, ",\n  \"memory\": {\"used\": %zu, \"peak\": %zu, \"size\": %zu}\n}\n", s->arena->used,
+          s->arena->peak, s->arena->size);
   return ferror(out) ? -1 : 0;
 }
 
@@ -127,11 +146,12 @@ static double tenths_mm(double metres) { return round(metres * 1e4) / 10.0 + 0.0
 static void print_objects(const gv_summary *s, FILE *out) {
   for (int i = 0; i < s->scene->object_count; i++) {
     const gv_object *object = &s->scene->object[i];
-    if (object->is_static) continue;
+    if (object->is_static)
+      continue;
     const gv_pose T = gv_snapshot_object_pose(object, gv_engine_object_pose(s->loop->session->engine, i));
     const gv_pose T_start = gv_snapshot_object_pose(object, object->T_world_body);
-    fprintf(out, "  %s ends at %.1f %.1f %.1f mm, %.1f mm above its start\n", object->name, tenths_mm(T.p.x), tenths_mm(T.p.y),
-            tenths_mm(T.p.z), tenths_mm(T.p.z - T_start.p.z));
+    fprintf(out, "  %s ends at %.1f %.1f %.1f mm, %.1f mm above its start\n", object->name, tenths_mm(T.p.x),
+            tenths_mm(T.p.y), tenths_mm(T.p.z), tenths_mm(T.p.z - T_start.p.z));
   }
 }
 
@@ -139,30 +159,41 @@ void gv_summary_print(const gv_summary *s, FILE *out) {
   const gv_loop *loop = s->loop;
   const gv_session *session = loop->session;
   const gv_counters *c = gv_engine_counters(session->engine);
-  const gv_quantiles step = gv_histogram_quantiles(&loop->step), wake = gv_histogram_quantiles(&loop->wake);
-  fprintf(out, "gloved: %s: %" PRId64 " steps of %g ms; ended (%s) with the safety machine in %s%s%s\n", s->title, gv_session_steps(session),
-          session->cfg.period_s * 1e3, gv_exit_name(s->reason), gv_safety_name(loop->state_before_stop),
-          session->faults_seen ? "; faults on the way: " : "", session->faults_seen ? gv_fault_text(session->faults_seen) : "");
+  const gv_quantiles step = gv_histogram_quantiles(&loop->step);
+  const gv_quantiles wake = gv_histogram_quantiles(&loop->wake);
+  fprintf(out, "gloved: %s: %" PRId64 " steps of %g ms; ended (%s) with the safety machine in %s%s%s\n",
+          s->title, gv_session_steps(session), session->cfg.period_s * 1e3, gv_exit_name(s->reason),
+          gv_safety_name(loop->state_before_stop), session->faults_seen ? "; faults on the way: " : "",
+          session->faults_seen ? gv_fault_text(session->faults_seen) : "");
   print_objects(s, out);
-  fprintf(out, "  contacts at most %" PRIu32 ", deepest %.3f mm; largest forces %.2f %.2f %.2f %.2f %.2f N\n", c->contacts_max,
-          c->depth_max_m * 1e3, session->force_max_n[0], session->force_max_n[1], session->force_max_n[2],
-          session->force_max_n[3], session->force_max_n[4]);
-  fprintf(out, "  step p50 %.0f p99 %.0f p99.9 %.0f max %.0f us; wake-up p50 %.0f p99 %.0f max %.0f us\n", step.p50_us,
-          step.p99_us, step.p999_us, step.max_us, wake.p50_us, wake.p99_us, wake.max_us);
-  fprintf(out, "  missed deadlines %" PRIu64 ", periods skipped %" PRIu64 "; in the real-time thread %" PRIu64
-          " heap calls, %" PRId64 " page faults\n", loop->missed_deadlines, loop->overruns, loop->heap_calls,
+  fprintf(out, "  contacts at most %" PRIu32 ", deepest %.3f mm; largest forces %.2f %.2f %.2f %.2f %.2f N\n",
+          c->contacts_max, c->depth_max_m * 1e3, session->force_max_n[0], session->force_max_n[1],
+          session->force_max_n[2], session->force_max_n[3], session->force_max_n[4]);
+  fprintf(out, "  step p50 %.0f p99 %.0f p99.9 %.0f max %.0f us; wake-up p50 %.0f p99 %.0f max %.0f us\n",
+          step.p50_us, step.p99_us, step.p999_us, step.max_us, wake.p50_us, wake.p99_us, wake.max_us);
+  fprintf(out,
+          "  missed deadlines %" PRIu64 ", periods skipped %" PRIu64 "; in the real-time thread %" PRIu64
+          " heap calls, %" PRId64 " page faults\n",
+          loop->missed_deadlines, loop->overruns, loop->heap_calls,
           loop->page_faults.major + loop->page_faults.minor);
   const uint64_t less = loop->on_rung[GV_RUNG_SOLVER] + loop->on_rung[GV_RUNG_CONTACTS];
   if (less || loop->on_rung[GV_RUNG_HOLD] || loop->on_rung[GV_RUNG_RAMP])
-    fprintf(out, "  deadline ladder: %" PRIu64 " steps with less effort, %" PRIu64 " periods with forces held, %" PRIu64 " ramped\n", less,
-            loop->on_rung[GV_RUNG_HOLD], loop->on_rung[GV_RUNG_RAMP]);
+    fprintf(out,
+            "  deadline ladder: %" PRIu64 " steps with less effort, %" PRIu64
+            " periods with forces held, %" PRIu64 " ramped\n",
+            less, loop->on_rung[GV_RUNG_HOLD], loop->on_rung[GV_RUNG_RAMP]);
   if (loop->cfg.sync_device)
-    fprintf(out, "  steps begun by the glove's frame %" PRIu64 ", by the own clock %" PRIu64 "\n", loop->on_frame, loop->on_clock);
-  fprintf(out, "  frames in %" PRIu64 ", out %" PRIu64 ", lost %" PRIu64 ", bad %" PRIu64 ", late %" PRIu64 "\n",
-          session->frames.rx, session->frames.tx, session->frames.lost, session->frames.bad + s->driver.bad, session->frames.late);
+    fprintf(out, "  steps begun by the glove's frame %" PRIu64 ", by the own clock %" PRIu64 "\n",
+            loop->on_frame, loop->on_clock);
+  fprintf(out,
+          "  frames in %" PRIu64 ", out %" PRIu64 ", lost %" PRIu64 ", bad %" PRIu64 ", late %" PRIu64 "\n",
+          session->frames.rx, session->frames.tx, session->frames.lost, session->frames.bad + s->driver.bad,
+          session->frames.late);
   char laxer[GV_LAXER_TEXT];
   gv_settings_laxer(&session->cfg.limiter, &session->cfg.safety, laxer);
-  if (*laxer) fprintf(out, "  protected less than by the defaults (in brackets): %s\n", laxer);
-  if (s->telemetry_failed) fprintf(out, "  %" PRIu64 " messages were refused by LCM or the disk\n", s->telemetry_failed);
+  if (*laxer)
+    fprintf(out, "  protected less than by the defaults (in brackets): %s\n", laxer);
+  if (s->telemetry_failed)
+    fprintf(out, "  %" PRIu64 " messages were refused by LCM or the disk\n", s->telemetry_failed);
   fprintf(out, "  state hash %016" PRIx64 "\n", gv_engine_hash(session->engine));
 }

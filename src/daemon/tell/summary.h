@@ -12,11 +12,11 @@
 typedef struct gv_summary {
   const gv_loop *loop;
   const gv_scene *scene;
-  gv_exit reason;            // fault: forces were brought to zero
+  gv_exit reason;  // fault: forces were brought to zero
   gv_driver_stats driver;
-  uint64_t telemetry_failed; // messages that LCM or the disk refused
+  uint64_t telemetry_failed;  // messages that LCM or the disk refused
   const gv_arena *arena;
-  const char *title;         // what ran
+  const char *title;  // what ran
   const gv_about *about;
 } gv_summary;
 

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// Snapshots to LCM messages (data/lcm/*.lcm): GLOVED_STATE, GLOVED_STATS, GLOVED_EVENT, GLOVED_TRACE, the picture
-// for Drake's viewer (DRAKE_VIEWER_LOAD_ROBOT, DRAKE_VIEWER_DRAW), and the same bytes into a log file that
-// lcm-logplayer and lcm-spy read; GLOVED_COMMAND to requests for the loop. The only file that knows LCM. Slow
-// thread: lcm_publish is a mutex and a blocking sendmsg. Messages are encoded into a static buffer and never
-// allocate here (the generated *_publish calls malloc for each).
+// Snapshots to LCM messages (data/lcm/*.lcm): GLOVED_STATE, GLOVED_STATS, GLOVED_EVENT, GLOVED_TRACE, the
+// picture for Drake's viewer (DRAKE_VIEWER_LOAD_ROBOT, DRAKE_VIEWER_DRAW), and the same bytes into a log
+// file that lcm-logplayer and lcm-spy read; GLOVED_COMMAND to requests for the loop. The only file that
+// knows LCM. Slow thread: lcm_publish is a mutex and a blocking sendmsg. Messages are encoded into a static
+// buffer and never allocate here (the generated *_publish calls malloc for each).
 #include "daemon/tell/telemetry.h"
 
 #include "daemon/load/config_load.h"
@@ -33,15 +33,21 @@
 #include "gloved_viewer_load_t.h"
 
 // LCM's fragments get lost above 65 kB. The largest state: 16 limbs, 64 objects, 128 contacts, 128 polygons.
-enum { MESSAGE_MAX = 64000, DRAW_US = 50000, LOAD_US = 1000000, STATS_US = 1000000,
-       ABOUT_US = 10000000 };
+enum { MESSAGE_MAX = 64000, DRAW_US = 50000, LOAD_US = 1000000, STATS_US = 1000000, ABOUT_US = 10000000 };
 // A batch of steps is sent at 100 ms or when it grows too large; a step takes at most 790 bytes.
 enum { BATCH_STEPS = 100, BATCH_BYTES = 60000, STEP_BYTES = 86, FRAME_BYTES = 14 };
 // What is known of a command before its text: fingerprint, utime, kind, value, length of the text.
 enum { COMMAND_HEAD = 8 + 8 + 1 + 8 + 4, COMMAND_TEXT_AT = COMMAND_HEAD - 4 };
 _Static_assert(GV_RECORD_REQUEST == 4, "programs that send commands wait for events of kind 4");
-enum { EVENT_COMMAND = GV_RECORD_REQUEST, COMMANDS_A_PASS = 32, ANSWER_TEXT = GV_STATUS_BYTES + 100, QUESTIONS = GV_REQUEST_PER_SECOND };
-_Static_assert(1200 + GV_LIMBS * 160 + GV_MAX_OBJECTS * (4 + GV_MAX_NAME + 1 + 104) + GV_MAX_CONTACTS * 92 + GV_MAX_POLYGONS * 48 < MESSAGE_MAX,
+enum {
+  EVENT_COMMAND = GV_RECORD_REQUEST,
+  COMMANDS_A_PASS = 32,
+  ANSWER_TEXT = GV_STATUS_BYTES + 100,
+  QUESTIONS = GV_REQUEST_PER_SECOND
+};
+_Static_assert(1200 + GV_LIMBS * 160 + GV_MAX_OBJECTS * (4 + GV_MAX_NAME + 1 + 104) + GV_MAX_CONTACTS * 92 +
+                       GV_MAX_POLYGONS * 48 <
+                   MESSAGE_MAX,
                "GLOVED_STATE does not fit its buffer");
 _Static_assert(GV_DRAKE_LINKS * 56 + GV_DRAKE_LINKS * 16 + 4 * GV_DRAKE_NUMBERS < MESSAGE_MAX,
                "DRAKE_VIEWER_LOAD_ROBOT does not fit its buffer");
@@ -49,7 +55,7 @@ _Static_assert(GV_DRAKE_LINKS * 56 + GV_DRAKE_LINKS * 16 + 4 * GV_DRAKE_NUMBERS 
 // The viewer's messages: they point into gv_drake and into these arrays.
 typedef struct viewer {
   gv_drake drake;
-  int64_t next_draw_us, next_load_us; // utime of the next messages
+  int64_t next_draw_us, next_load_us;  // utime of the next messages
   gloved_viewer_geometry_t geometry[GV_DRAKE_LINKS];
   gloved_viewer_link_t link[GV_DRAKE_LINKS];
   char *name[GV_DRAKE_LINKS];
@@ -67,8 +73,8 @@ typedef struct statistics {
 
 // How many frames went each way in the last whole second.
 typedef struct rates {
-  int64_t since_us;          // 0: not begun
-  uint64_t received, sent;   // then
+  int64_t since_us;         // 0: not begun
+  uint64_t received, sent;  // then
   double received_hz, sent_hz;
 } rates;
 
@@ -81,8 +87,8 @@ typedef struct batch {
 } batch;
 
 struct gv_telemetry {
-  lcm_t *lcm;                // null: not published
-  lcm_eventlog_t *log;       // null: not logged
+  lcm_t *lcm;           // null: not published
+  lcm_eventlog_t *log;  // null: not logged
   const gv_scene *scene;
   const gv_arena *arena;
   const atomic_bool *give_up;
@@ -91,16 +97,16 @@ struct gv_telemetry {
   const gv_settings *settings;
   const char *(*begin_scene)(void *user, const char *file, int64_t now_ns);
   bool (*scene_ended)(void *user, int64_t now_ns, const char **out_refusal);
-  bool scene_loading;        // `scene` waits for it
+  bool scene_loading;  // `scene` waits for it
   gv_request scene_request;
   void *user;
-  gv_loop *loop;             // null: not attached yet
-  bool log_broken;           // the disk refused a part of a log
-  bool trace_asked;          // by command
-  bool listens;              // to commands
-  gv_request_rate rate;      // of commands
-  gv_request_rate complaints; // about messages that are none
-  gv_request question[QUESTIONS]; // what is in force: answered from the next snapshot
+  gv_loop *loop;                   // null: not attached yet
+  bool log_broken;                 // the disk refused a part of a log
+  bool trace_asked;                // by command
+  bool listens;                    // to commands
+  gv_request_rate rate;            // of commands
+  gv_request_rate complaints;      // about messages that are none
+  gv_request question[QUESTIONS];  // what is in force: answered from the next snapshot
   int questions;
   rates rates;
   char why[GV_REQUEST_WHY];  // the last refusal
@@ -123,17 +129,22 @@ struct gv_telemetry {
 static void write_log(gv_telemetry *telemetry, const char *channel, int64_t utime, int size) {
   char name[32];
   snprintf(name, sizeof name, "%s", channel);
-  lcm_eventlog_event_t event = {.eventnum = telemetry->log_events++, .timestamp = utime,
-                                .channellen = (int32_t)strlen(name), .datalen = size, .channel = name,
+  lcm_eventlog_event_t event = {.eventnum = telemetry->log_events++,
+                                .timestamp = utime,
+                                .channellen = (int32_t)strlen(name),
+                                .datalen = size,
+                                .channel = name,
                                 .data = telemetry->message};
-  if (lcm_eventlog_write_event(telemetry->log, &event) == 0) return;
+  if (lcm_eventlog_write_event(telemetry->log, &event) == 0)
+    return;
   telemetry->failed++;
   telemetry->log_broken = true;
 }
 
 // What the C library still holds goes to the disk first: only then is it known whether the log is whole.
 static void end_log(gv_telemetry *telemetry) {
-  if (fflush(telemetry->log->f) != 0) telemetry->log_broken = true;
+  if (fflush(telemetry->log->f) != 0)
+    telemetry->log_broken = true;
   lcm_eventlog_destroy(telemetry->log);
   telemetry->log = NULL;
 }
@@ -144,9 +155,11 @@ static void send_message(gv_telemetry *telemetry, const char *channel, int64_t u
     telemetry->failed++;
     return;
   }
-  if (telemetry->lcm && !atomic_load(telemetry->give_up) && lcm_publish(telemetry->lcm, channel, telemetry->message, (unsigned)size) != 0)
+  if (telemetry->lcm && !atomic_load(telemetry->give_up) &&
+      lcm_publish(telemetry->lcm, channel, telemetry->message, (unsigned)size) != 0)
     telemetry->failed++;
-  if (telemetry->log) write_log(telemetry, channel, utime, size);
+  if (telemetry->log)
+    write_log(telemetry, channel, utime, size);
 }
 
 // ---- filling ------------------------------------------------------------------------------------------
@@ -212,7 +225,8 @@ static void put_objects(gv_telemetry *telemetry, const gv_snapshot *snapshot) {
   for (int i = 0; i < snapshot->object_count; i++) {
     const gv_object *object = &telemetry->scene->object[i];
     gloved_object_t *out = &telemetry->object[i];
-    put_pose(gv_snapshot_object_pose(object, snapshot->object[i].T_world_body), out->position_m, out->quaternion);
+    put_pose(gv_snapshot_object_pose(object, snapshot->object[i].T_world_body), out->position_m,
+             out->quaternion);
     put_vec3(snapshot->object[i].velocity_m_s, out->velocity_m_s);
     put_vec3(snapshot->object[i].spin_rad_s, out->spin_rad_s);
   }
@@ -238,7 +252,10 @@ static void put_polygons(gv_telemetry *telemetry, const gv_snapshot *snapshot) {
   for (int i = 0; i < snapshot->polygon_count; i++) {
     const gv_polygon_contact *polygon = &snapshot->polygon[i];
     gloved_polygon_t *out = &telemetry->polygon[i];
-    *out = (gloved_polygon_t){.limb = polygon->limb, .object = polygon->object, .piece = polygon->piece, .face = polygon->face,
+    *out = (gloved_polygon_t){.limb = polygon->limb,
+                              .object = polygon->object,
+                              .piece = polygon->piece,
+                              .face = polygon->face,
                               .depth_m = polygon->depth_m};
     put_vec3(polygon->position_world, out->position_m);
   }
@@ -257,11 +274,14 @@ static void point_viewer(viewer *v) {
   static char no_file[] = "";
   for (int i = 0; i < v->drake.link_count; i++) {
     gv_drake_link *link = &v->drake.link[i];
-    v->geometry[i] = (gloved_viewer_geometry_t){.type = (int8_t)link->type, .string_data = no_file, .num_float_data = link->number_count,
+    v->geometry[i] = (gloved_viewer_geometry_t){.type = (int8_t)link->type,
+                                                .string_data = no_file,
+                                                .num_float_data = link->number_count,
                                                 .float_data = &v->drake.number[link->number_first]};
     put_quat(link->q_link_shape, v->geometry[i].quaternion);
     memcpy(v->geometry[i].color, link->color, sizeof link->color);
-    v->link[i] = (gloved_viewer_link_t){.name = link->name, .num_geom = link->number_count > 0, .geom = &v->geometry[i]};
+    v->link[i] = (gloved_viewer_link_t){
+      .name = link->name, .num_geom = link->number_count > 0, .geom = &v->geometry[i]};
     v->name[i] = link->name;
     v->position_row[i] = v->position[i];
     v->quaternion_row[i] = v->quaternion[i];
@@ -271,7 +291,8 @@ static void point_viewer(viewer *v) {
 static void send_load(gv_telemetry *telemetry, int64_t utime) {
   viewer *v = &telemetry->viewer;
   const gloved_viewer_load_t load = {.num_links = v->drake.link_count, .link = v->link};
-  send_message(telemetry, "DRAKE_VIEWER_LOAD_ROBOT", utime, gloved_viewer_load_t_encode(telemetry->message, 0, MESSAGE_MAX, &load));
+  send_message(telemetry, "DRAKE_VIEWER_LOAD_ROBOT", utime,
+               gloved_viewer_load_t_encode(telemetry->message, 0, MESSAGE_MAX, &load));
 }
 
 static void send_draw(gv_telemetry *telemetry, const gv_snapshot *snapshot) {
@@ -284,15 +305,20 @@ static void send_draw(gv_telemetry *telemetry, const gv_snapshot *snapshot) {
     v->position[i][2] = (float)T->p.z;
     put_quat(T->q, v->quaternion[i]);
   }
-  const gloved_viewer_draw_t draw = {.timestamp = (int64_t)(snapshot->time_s * 1e3), .num_links = v->drake.link_count,
-                                     .link_name = v->name, .robot_num = v->robot, .position = v->position_row,
+  const gloved_viewer_draw_t draw = {.timestamp = (int64_t)(snapshot->time_s * 1e3),
+                                     .num_links = v->drake.link_count,
+                                     .link_name = v->name,
+                                     .robot_num = v->robot,
+                                     .position = v->position_row,
                                      .quaternion = v->quaternion_row};
-  send_message(telemetry, "DRAKE_VIEWER_DRAW", snapshot->utime, gloved_viewer_draw_t_encode(telemetry->message, 0, MESSAGE_MAX, &draw));
+  send_message(telemetry, "DRAKE_VIEWER_DRAW", snapshot->utime,
+               gloved_viewer_draw_t_encode(telemetry->message, 0, MESSAGE_MAX, &draw));
 }
 
 // When `utime` reached *next: true, and *next is moved on by whole periods.
 static bool is_due(int64_t *next, int64_t utime, int64_t period) {
-  if (utime < *next) return false;
+  if (utime < *next)
+    return false;
   *next = utime - *next < period ? *next + period : utime + period;
   return true;
 }
@@ -300,8 +326,10 @@ static bool is_due(int64_t *next, int64_t utime, int64_t period) {
 // A viewer that starts later shows nothing before it gets the shapes, and then poses: in this order.
 static void send_picture(gv_telemetry *telemetry, const gv_snapshot *snapshot) {
   viewer *v = &telemetry->viewer;
-  if (!is_due(&v->next_draw_us, snapshot->utime, DRAW_US)) return;
-  if (is_due(&v->next_load_us, snapshot->utime, LOAD_US)) send_load(telemetry, snapshot->utime);
+  if (!is_due(&v->next_draw_us, snapshot->utime, DRAW_US))
+    return;
+  if (is_due(&v->next_load_us, snapshot->utime, LOAD_US))
+    send_load(telemetry, snapshot->utime);
   send_draw(telemetry, snapshot);
 }
 
@@ -314,9 +342,15 @@ static void put_histogram(statistics *s, int number, const char *name, const gv_
   const gv_quantiles q = gv_histogram_quantiles(histogram);
   const int bins = gv_histogram_coarse(histogram, upper_ns, count);
   snprintf(names[number], sizeof names[number], "%s", name);
-  s->histogram[number] = (gloved_histogram_t){.name = names[number], .count = (int64_t)atomic_load(&histogram->count), .p50_us = q.p50_us,
-                                              .p99_us = q.p99_us, .p999_us = q.p999_us, .max_us = q.max_us, .num_bins = bins,
-                                              .upper_us = s->upper_us[number], .in_bin = s->in_bin[number]};
+  s->histogram[number] = (gloved_histogram_t){.name = names[number],
+                                              .count = (int64_t)atomic_load(&histogram->count),
+                                              .p50_us = q.p50_us,
+                                              .p99_us = q.p99_us,
+                                              .p999_us = q.p999_us,
+                                              .max_us = q.max_us,
+                                              .num_bins = bins,
+                                              .upper_us = s->upper_us[number],
+                                              .in_bin = s->in_bin[number]};
   for (int i = 0; i < bins; i++) {
     s->upper_us[number][i] = (double)upper_ns[i] * 1e-3;
     s->in_bin[number][i] = (int64_t)count[i];
@@ -327,7 +361,8 @@ static void put_histograms(statistics *s, const gv_loop *loop) {
   static const char *const stage[GV_STAGES] = {"poll", "compute", "send", "tell"};
   put_histogram(s, 0, "wake", &loop->wake);
   put_histogram(s, 1, "step", &loop->step);
-  for (int i = 0; i < GV_STAGES; i++) put_histogram(s, 2 + i, stage[i], &loop->stage[i]);
+  for (int i = 0; i < GV_STAGES; i++)
+    put_histogram(s, 2 + i, stage[i], &loop->stage[i]);
   s->stats.num_histograms = 2 + GV_STAGES;
   s->stats.histogram = s->histogram;
 }
@@ -362,35 +397,53 @@ static void put_counters(const gv_telemetry *telemetry, const gv_snapshot *snaps
 static void send_stats(gv_telemetry *telemetry, const gv_snapshot *snapshot) {
   const gloved_state_t *state = &telemetry->state;
   gloved_stats_t *out = &telemetry->statistics.stats;
-  *out = (gloved_stats_t){
-    .utime = state->utime, .step = state->step, .time_s = state->time_s, .period_s = (double)telemetry->loop->cfg.period_ns * 1e-9,
-    .missed_deadlines = state->missed_deadlines, .overruns = state->overruns, .heap_calls = state->heap_calls,
-    .steps_on_frame = (int64_t)atomic_load(&telemetry->loop->on_frame), .steps_on_clock = (int64_t)atomic_load(&telemetry->loop->on_clock),
-    .glove_age_s = state->glove_age_s, .tracker_age_s = state->tracker_age_s, .frames_received = state->frames_received,
-    .frames_sent = state->frames_sent, .frames_lost = state->frames_lost, .frames_bad = state->frames_bad,
-    .frames_late = state->frames_late, .memory_used = (int64_t)telemetry->arena->used, .memory_peak = (int64_t)telemetry->arena->peak,
-    .limb_k_f = snapshot->limb_coupling.k_f, .limb_k_t = snapshot->limb_coupling.k_t, .palm_k_f = snapshot->palm_coupling.k_f,
-    .palm_k_t = snapshot->palm_coupling.k_t, .mu_hand = snapshot->mu_hand,
-    .force_limit_n = telemetry->loop->session->cfg.limiter.max_n};
+  *out = (gloved_stats_t){.utime = state->utime,
+                          .step = state->step,
+                          .time_s = state->time_s,
+                          .period_s = (double)telemetry->loop->cfg.period_ns * 1e-9,
+                          .missed_deadlines = state->missed_deadlines,
+                          .overruns = state->overruns,
+                          .heap_calls = state->heap_calls,
+                          .steps_on_frame = (int64_t)atomic_load(&telemetry->loop->on_frame),
+                          .steps_on_clock = (int64_t)atomic_load(&telemetry->loop->on_clock),
+                          .glove_age_s = state->glove_age_s,
+                          .tracker_age_s = state->tracker_age_s,
+                          .frames_received = state->frames_received,
+                          .frames_sent = state->frames_sent,
+                          .frames_lost = state->frames_lost,
+                          .frames_bad = state->frames_bad,
+                          .frames_late = state->frames_late,
+                          .memory_used = (int64_t)telemetry->arena->used,
+                          .memory_peak = (int64_t)telemetry->arena->peak,
+                          .limb_k_f = snapshot->limb_coupling.k_f,
+                          .limb_k_t = snapshot->limb_coupling.k_t,
+                          .palm_k_f = snapshot->palm_coupling.k_f,
+                          .palm_k_t = snapshot->palm_coupling.k_t,
+                          .mu_hand = snapshot->mu_hand,
+                          .force_limit_n = telemetry->loop->session->cfg.limiter.max_n};
   static char laxer[GV_LAXER_TEXT];
   const gv_session_config *session = &telemetry->loop->session->cfg;
   gv_settings_laxer(&session->limiter, &session->safety, laxer);
   out->laxer_than_default = laxer;
-  for (int i = 0; i < GV_RUNGS; i++) out->ladder[i] = (int64_t)telemetry->loop->on_rung[i];
+  for (int i = 0; i < GV_RUNGS; i++)
+    out->ladder[i] = (int64_t)telemetry->loop->on_rung[i];
   put_counters(telemetry, snapshot, out);
   put_histograms(&telemetry->statistics, telemetry->loop);
-  send_message(telemetry, "GLOVED_STATS", out->utime, gloved_stats_t_encode(telemetry->message, 0, MESSAGE_MAX, out));
+  send_message(telemetry, "GLOVED_STATS", out->utime,
+               gloved_stats_t_encode(telemetry->message, 0, MESSAGE_MAX, out));
 }
 
 // ---- steps --------------------------------------------------------------------------------------------
 
 static void send_batch(gv_telemetry *telemetry) {
   gloved_trace_t *trace = &telemetry->batch.trace;
-  if (trace->num_steps == 0) return;
+  if (trace->num_steps == 0)
+    return;
   trace->period_s = (double)telemetry->loop->cfg.period_ns * 1e-9;
   trace->dropped = (int64_t)gv_ring_dropped(&telemetry->loop->steps);
   trace->step = telemetry->batch.step;
-  send_message(telemetry, "GLOVED_TRACE", trace->utime, gloved_trace_t_encode(telemetry->message, 0, MESSAGE_MAX, trace));
+  send_message(telemetry, "GLOVED_TRACE", trace->utime,
+               gloved_trace_t_encode(telemetry->message, 0, MESSAGE_MAX, trace));
   trace->num_steps = 0;
   telemetry->batch.bytes = 0;
 }
@@ -399,20 +452,31 @@ static void put_frames(batch *b, int number, const gv_step_record *record) {
   for (int i = 0; i < record->frame_count; i++) {
     const gv_frame *frame = &record->frame[i];
     memcpy(b->data[number][i], frame->data, sizeof frame->data);
-    b->frame[number][i] = (gloved_frame_t){.stamp_ns = frame->stamp_ns, .id = (int32_t)frame->id, .flags = (int8_t)frame->flags,
-                                           .len = (int8_t)frame->len, .data = b->data[number][i]};
+    b->frame[number][i] = (gloved_frame_t){.stamp_ns = frame->stamp_ns,
+                                           .id = (int32_t)frame->id,
+                                           .flags = (int8_t)frame->flags,
+                                           .len = (int8_t)frame->len,
+                                           .data = b->data[number][i]};
     b->bytes += FRAME_BYTES + frame->len;
   }
 }
 
 void gv_telemetry_step(gv_telemetry *telemetry, const gv_step_record *record) {
-  if (!telemetry->trace_asked && !telemetry->log) return;  // for the black box alone
+  if (!telemetry->trace_asked && !telemetry->log)
+    return;  // for the black box alone
   batch *b = &telemetry->batch;
   const int number = b->trace.num_steps++;
   gloved_step_t *out = &b->step[number];
-  *out = (gloved_step_t){.step = record->step, .now_ns = record->now_ns, .wake_ns = record->wake_ns, .work_ns = record->work_ns,
-                         .safety_state = (int8_t)record->safety, .events = (int32_t)record->events, .contacts = record->contacts,
-                         .depth_m = (float)record->depth_m, .num_frames = (int8_t)record->frame_count, .frame = b->frame[number]};
+  *out = (gloved_step_t){.step = record->step,
+                         .now_ns = record->now_ns,
+                         .wake_ns = record->wake_ns,
+                         .work_ns = record->work_ns,
+                         .safety_state = (int8_t)record->safety,
+                         .events = (int32_t)record->events,
+                         .contacts = record->contacts,
+                         .depth_m = (float)record->depth_m,
+                         .num_frames = (int8_t)record->frame_count,
+                         .frame = b->frame[number]};
   for (int i = 0; i < GV_FINGERS; i++) {
     out->force_desired_n[i] = (float)record->desired_n[i];
     out->force_commanded_n[i] = (float)record->force_n[i];
@@ -420,7 +484,8 @@ void gv_telemetry_step(gv_telemetry *telemetry, const gv_step_record *record) {
   put_frames(b, number, record);
   b->bytes += STEP_BYTES;
   b->trace.utime = record->utime;
-  if (b->trace.num_steps == BATCH_STEPS || b->bytes > BATCH_BYTES - 1000) send_batch(telemetry);
+  if (b->trace.num_steps == BATCH_STEPS || b->bytes > BATCH_BYTES - 1000)
+    send_batch(telemetry);
 }
 
 // ---- what runs here -------------------------------------------------------------------------------------
@@ -438,36 +503,55 @@ static void send_about(gv_telemetry *telemetry, bool log_alone) {
   const gv_about *about = telemetry->about;
   char scene_hash[24], settings_hash[24];
   const int64_t utime = now_us();
-  if (!about || (!telemetry->lcm && !telemetry->log)) return;
+  if (!about || (!telemetry->lcm && !telemetry->log))
+    return;
   snprintf(scene_hash, sizeof scene_hash, "%016" PRIx64, about->scene.hash);
   snprintf(settings_hash, sizeof settings_hash, "%016" PRIx64, about->settings.hash);
-  const gloved_about_t message = {
-    .utime = utime, .version = text_of(about->version), .commit = text_of(about->commit), .date = text_of(about->date),
-    .command_line = text_of(about->command_line), .fcu = text_of(about->fcu), .tracker = text_of(about->tracker),
-    .hand = text_of(about->hand), .rate_hz = about->rate_hz, .scene = text_of(about->scene.name), .scene_hash = scene_hash,
-    .scene_text = text_of(gv_about_small_text(&about->scene)), .settings = text_of(about->settings.name),
-    .settings_hash = settings_hash, .settings_text = text_of(gv_about_small_text(&about->settings))};
+  const gloved_about_t message = {.utime = utime,
+                                  .version = text_of(about->version),
+                                  .commit = text_of(about->commit),
+                                  .date = text_of(about->date),
+                                  .command_line = text_of(about->command_line),
+                                  .fcu = text_of(about->fcu),
+                                  .tracker = text_of(about->tracker),
+                                  .hand = text_of(about->hand),
+                                  .rate_hz = about->rate_hz,
+                                  .scene = text_of(about->scene.name),
+                                  .scene_hash = scene_hash,
+                                  .scene_text = text_of(gv_about_small_text(&about->scene)),
+                                  .settings = text_of(about->settings.name),
+                                  .settings_hash = settings_hash,
+                                  .settings_text = text_of(gv_about_small_text(&about->settings))};
   const int size = gloved_about_t_encode(telemetry->message, 0, MESSAGE_MAX, &message);
-  if (!log_alone) send_message(telemetry, "GLOVED_ABOUT", utime, size);
-  else if (telemetry->log && size > 0) write_log(telemetry, "GLOVED_ABOUT", utime, size);
+  if (!log_alone)
+    send_message(telemetry, "GLOVED_ABOUT", utime, size);
+  else if (telemetry->log && size > 0)
+    write_log(telemetry, "GLOVED_ABOUT", utime, size);
   telemetry->next_about_us = log_alone ? 0 : utime + ABOUT_US;
 }
 
 // ---- commands -----------------------------------------------------------------------------------------
 
 static void send_event(gv_telemetry *telemetry, const gloved_event_t *event) {
-  if (!telemetry->lcm && !telemetry->log) return;
-  send_message(telemetry, "GLOVED_EVENT", event->utime, gloved_event_t_encode(telemetry->message, 0, MESSAGE_MAX, event));
+  if (!telemetry->lcm && !telemetry->log)
+    return;
+  send_message(telemetry, "GLOVED_EVENT", event->utime,
+               gloved_event_t_encode(telemetry->message, 0, MESSAGE_MAX, event));
 }
 
 // The answer to a command that does not reach the loop.
-static void answer_with(gv_telemetry *telemetry, int kind, int64_t tag, const char *refusal, const char *value) {
+static void answer_with(gv_telemetry *telemetry, int kind, int64_t tag, const char *refusal,
+                        const char *value) {
   char text[ANSWER_TEXT];
-  snprintf(text, sizeof text, "command %s: %s%s", gv_request_name(kind), refusal ? "refused: " : "done", refusal ? refusal : value);
+  snprintf(text, sizeof text, "command %s: %s%s", gv_request_name(kind), refusal ? "refused: " : "done",
+           refusal ? refusal : value);
   telemetry->commands_refused += refusal ? 1 : 0;
-  send_event(telemetry, &(gloved_event_t){.utime = now_us(), .step = telemetry->state.step,
-                                          .time_s = telemetry->state.time_s, .kind = EVENT_COMMAND,
-                                          .bits = (kind & 0xff) | (refusal ? GV_RECORD_REFUSED : 0), .answers = tag,
+  send_event(telemetry, &(gloved_event_t){.utime = now_us(),
+                                          .step = telemetry->state.step,
+                                          .time_s = telemetry->state.time_s,
+                                          .kind = EVENT_COMMAND,
+                                          .bits = (kind & 0xff) | (refusal ? GV_RECORD_REFUSED : 0),
+                                          .answers = tag,
                                           .text = text});
 }
 
@@ -479,7 +563,8 @@ static void want_trace(gv_telemetry *telemetry) {
   atomic_store(&telemetry->loop->trace, telemetry->trace_asked || telemetry->log);
 }
 
-__attribute__((format(printf, 2, 3))) static const char *because(gv_telemetry *telemetry, const char *format, ...) {
+__attribute__((format(printf, 2, 3))) static const char *because(gv_telemetry *telemetry, const char *format,
+                                                                 ...) {
   va_list arguments;
   va_start(arguments, format);
   vsnprintf(telemetry->why, sizeof telemetry->why, format, arguments);
@@ -489,36 +574,46 @@ __attribute__((format(printf, 2, 3))) static const char *because(gv_telemetry *t
 
 static const char *start_log(gv_telemetry *telemetry, const char *path) {
   struct stat there;
-  if (telemetry->log) return because(telemetry, "%s is being written; stop that log first", telemetry->log_name);
-  if (lstat(path, &there) == 0) return because(telemetry, "%s: there is such a file; choose another name", path);
+  if (telemetry->log)
+    return because(telemetry, "%s is being written; stop that log first", telemetry->log_name);
+  if (lstat(path, &there) == 0)
+    return because(telemetry, "%s: there is such a file; choose another name", path);
   telemetry->log = lcm_eventlog_create(path, "w");
   telemetry->log_events = 0;
   want_trace(telemetry);
-  if (!telemetry->log) return because(telemetry, "%s: cannot be written (%s); look at the daemon's directory", path, strerror(errno));
+  if (!telemetry->log)
+    return because(telemetry, "%s: cannot be written (%s); look at the daemon's directory", path,
+                   strerror(errno));
   snprintf(telemetry->log_name, sizeof telemetry->log_name, "%s", path);
   send_about(telemetry, true);
   return NULL;
 }
 
 static const char *stop_log(gv_telemetry *telemetry) {
-  if (!telemetry->log) return "no log is being written";
+  if (!telemetry->log)
+    return "no log is being written";
   send_batch(telemetry);
   end_log(telemetry);
   want_trace(telemetry);
   return NULL;
 }
 
-// What is in force is answered from a snapshot that is newer than every answer before: who has set a value reads it.
+// What is in force is answered from a snapshot that is newer than every answer before:
+// who has set a value reads it.
 static const char *ask_for_status(gv_telemetry *telemetry, const gv_request *request) {
-  if (telemetry->questions == QUESTIONS) return "the loop tells nothing now; try again";
+  if (telemetry->questions == QUESTIONS)
+    return "the loop tells nothing now; try again";
   telemetry->question[telemetry->questions++] = *request;
   return NULL;
 }
 
 static void answer_questions(gv_telemetry *telemetry, const gv_snapshot *snapshot) {
   static char text[2 + GV_STATUS_BYTES];
-  const gv_status status = {.about = telemetry->about, .settings = telemetry->settings, .snapshot = snapshot,
-                            .received_hz = telemetry->rates.received_hz, .sent_hz = telemetry->rates.sent_hz,
+  const gv_status status = {.about = telemetry->about,
+                            .settings = telemetry->settings,
+                            .snapshot = snapshot,
+                            .received_hz = telemetry->rates.received_hz,
+                            .sent_hz = telemetry->rates.sent_hz,
                             .log = telemetry->log ? telemetry->log_name : ""};
   for (int i = 0; i < telemetry->questions; i++) {
     const gv_request *question = &telemetry->question[i];
@@ -531,7 +626,8 @@ static void answer_questions(gv_telemetry *telemetry, const gv_snapshot *snapsho
 
 static void count_rates(rates *r, const gv_snapshot *snapshot) {
   const double seconds = (double)(snapshot->utime - r->since_us) * 1e-6;
-  if (r->since_us && seconds < 1.0) return;
+  if (r->since_us && seconds < 1.0)
+    return;
   if (r->since_us) {
     r->received_hz = (double)(snapshot->frames.rx - r->received) / seconds;
     r->sent_hz = (double)(snapshot->frames.tx - r->sent) / seconds;
@@ -543,21 +639,26 @@ static void count_rates(rates *r, const gv_snapshot *snapshot) {
 
 static const char *pass_on(gv_telemetry *telemetry, const gv_request *request) {
   gv_request *slot = gv_ring_reserve(&telemetry->loop->requests);
-  if (!slot) return "the loop does not take commands now; try again";
+  if (!slot)
+    return "the loop does not take commands now; try again";
   *slot = *request;
   gv_ring_commit(&telemetry->loop->requests);
   return NULL;
 }
 
-// Loaded beside everything else, so that a bad file changes nothing and a slow one holds nothing up; then the loop
-// decides whether the moment fits, and ends for it.
+// Loaded beside everything else, so that a bad file changes nothing and a slow one holds nothing up; then
+// the loop decides whether the moment fits, and ends for it.
 static const char *ask_for_scene(gv_telemetry *telemetry, const gv_request *request) {
   const int state = telemetry->state.safety_state;
-  if (!telemetry->begin_scene) return "a scene is chosen at the start; start gloved with --scene";
-  if (atomic_load(&telemetry->loop->scene_asked)) return "another scene is coming; wait for it";
-  if (state == GV_SAFETY_ARMED || state == GV_SAFETY_ACTIVE) return "not while a force may flow; disarm first";
+  if (!telemetry->begin_scene)
+    return "a scene is chosen at the start; start gloved with --scene";
+  if (atomic_load(&telemetry->loop->scene_asked))
+    return "another scene is coming; wait for it";
+  if (state == GV_SAFETY_ARMED || state == GV_SAFETY_ACTIVE)
+    return "not while a force may flow; disarm first";
   const char *refusal = telemetry->begin_scene(telemetry->user, request->text, telemetry->listened_ns);
-  if (refusal) return refusal;
+  if (refusal)
+    return refusal;
   telemetry->scene_loading = true;
   telemetry->scene_request = *request;
   atomic_store(&telemetry->loop->scene_asked, true);
@@ -567,9 +668,11 @@ static const char *ask_for_scene(gv_telemetry *telemetry, const gv_request *requ
 // Every pass, while a scene is being loaded.
 static void follow_scene(gv_telemetry *telemetry) {
   const char *refusal = NULL;
-  if (!telemetry->scene_loading || !telemetry->scene_ended(telemetry->user, telemetry->listened_ns, &refusal)) return;
+  if (!telemetry->scene_loading || !telemetry->scene_ended(telemetry->user, telemetry->listened_ns, &refusal))
+    return;
   telemetry->scene_loading = false;
-  if (!refusal && !(refusal = pass_on(telemetry, &telemetry->scene_request))) return;
+  if (!refusal && !(refusal = pass_on(telemetry, &telemetry->scene_request)))
+    return;
   atomic_store(&telemetry->loop->scene_asked, false);
   answer(telemetry, GV_REQUEST_SCENE, telemetry->scene_request.tag, refusal);
 }
@@ -580,31 +683,39 @@ static void obey(gv_telemetry *telemetry, const gv_request *request) {
   switch (request->kind) {
     case GV_REQUEST_START_LOG: refusal = start_log(telemetry, request->text); break;
     case GV_REQUEST_STOP_LOG:
-      answer(telemetry, (int)request->kind, request->tag, telemetry->log ? NULL : "no log is being written"); // into the log as well
+      // into the log as well
+      answer(telemetry, (int)request->kind, request->tag, telemetry->log ? NULL : "no log is being written");
       stop_log(telemetry);
       return;
     case GV_REQUEST_TRACE:
       telemetry->trace_asked = request->value >= 0.5;
       want_trace(telemetry);
       break;
-    case GV_REQUEST_RESET: case GV_REQUEST_COUPLING: case GV_REQUEST_FRICTION: case GV_REQUEST_DISARM:
-      if (!(refusal = pass_on(telemetry, request))) return;
+    case GV_REQUEST_RESET:
+    case GV_REQUEST_COUPLING:
+    case GV_REQUEST_FRICTION:
+    case GV_REQUEST_DISARM:
+      if (!(refusal = pass_on(telemetry, request)))
+        return;
       break;
     case GV_REQUEST_SCENE:
-      if (!(refusal = ask_for_scene(telemetry, request))) return;
+      if (!(refusal = ask_for_scene(telemetry, request)))
+        return;
       break;
     case GV_REQUEST_STATUS:
-      if (!(refusal = ask_for_status(telemetry, request))) return;
+      if (!(refusal = ask_for_status(telemetry, request)))
+        return;
       break;
-    case GV_REQUEST_KINDS: return; // refused by gv_request_check
+    case GV_REQUEST_KINDS: return;  // refused by gv_request_check
   }
   answer(telemetry, (int)request->kind, request->tag, refusal);
 }
 
-// Exactly as long as the length of its text says, with its final zero: the generated decoder would take memory
-// for whatever length the bytes claim.
+// Exactly as long as the length of its text says, with its final zero: the generated decoder would take
+// memory for whatever length the bytes claim.
 static bool has_sound_length(const uint8_t *data, size_t size) {
-  if (size <= COMMAND_HEAD || size >= COMMAND_HEAD + 1000) return false;
+  if (size <= COMMAND_HEAD || size >= COMMAND_HEAD + 1000)
+    return false;
   const uint8_t *n = &data[COMMAND_TEXT_AT];
   const uint32_t length = (uint32_t)n[0] << 24 | (uint32_t)n[1] << 16 | (uint32_t)n[2] << 8 | n[3];
   return length == size - COMMAND_HEAD && data[size - 1] == 0;
@@ -615,8 +726,10 @@ static void on_command(const lcm_recv_buf_t *buffer, const char *channel, void *
   gloved_command_t command;
   gv_request request;
   (void)channel;
-  if (!telemetry->loop) return;
-  if (!has_sound_length(buffer->data, buffer->data_size) || gloved_command_t_decode(buffer->data, 0, (int)buffer->data_size, &command) < 0) {
+  if (!telemetry->loop)
+    return;
+  if (!has_sound_length(buffer->data, buffer->data_size) ||
+      gloved_command_t_decode(buffer->data, 0, (int)buffer->data_size, &command) < 0) {
     telemetry->commands_refused++;
     // Whoever floods the channel must not fill the log with answers.
     if (gv_request_may_complain(&telemetry->complaints, telemetry->listened_ns)) {
@@ -627,14 +740,17 @@ static void on_command(const lcm_recv_buf_t *buffer, const char *channel, void *
   }
   const gv_request_message message = {command.kind, command.value, command.text, command.utime};
   char why[GV_REQUEST_WHY];
-  if (gv_request_check(&message, &telemetry->rate, telemetry->listened_ns, &request, why)) obey(telemetry, &request);
-  else answer(telemetry, command.kind, command.utime, why);
+  if (gv_request_check(&message, &telemetry->rate, telemetry->listened_ns, &request, why))
+    obey(telemetry, &request);
+  else
+    answer(telemetry, command.kind, command.utime, why);
   gloved_command_t_decode_cleanup(&command);
 }
 
 void gv_telemetry_listen(gv_telemetry *telemetry, int64_t now_ns) {
   telemetry->listened_ns = now_ns;
-  if (!telemetry->listens) return;
+  if (!telemetry->listens)
+    return;
   follow_scene(telemetry);
   for (int i = 0; i < COMMANDS_A_PASS && lcm_handle_timeout(telemetry->lcm, 0) > 0; i++) {}
 }
@@ -643,7 +759,8 @@ void gv_telemetry_listen(gv_telemetry *telemetry, int64_t now_ns) {
 
 void gv_telemetry_snapshot(gv_telemetry *telemetry, const gv_snapshot *snapshot) {
   gloved_state_t *state = &telemetry->state;
-  if (!telemetry->lcm && !telemetry->log) return;
+  if (!telemetry->lcm && !telemetry->log)
+    return;
   state->utime = snapshot->utime;
   state->step = snapshot->step;
   state->time_s = snapshot->time_s;
@@ -656,20 +773,28 @@ void gv_telemetry_snapshot(gv_telemetry *telemetry, const gv_snapshot *snapshot)
   put_objects(telemetry, snapshot);
   put_contacts(telemetry, snapshot);
   put_polygons(telemetry, snapshot);
-  send_message(telemetry, "GLOVED_STATE", state->utime, gloved_state_t_encode(telemetry->message, 0, MESSAGE_MAX, state));
-  if (is_due(&telemetry->next_stats_us, state->utime, STATS_US)) send_stats(telemetry, snapshot);
+  send_message(telemetry, "GLOVED_STATE", state->utime,
+               gloved_state_t_encode(telemetry->message, 0, MESSAGE_MAX, state));
+  if (is_due(&telemetry->next_stats_us, state->utime, STATS_US))
+    send_stats(telemetry, snapshot);
   send_picture(telemetry, snapshot);
   count_rates(&telemetry->rates, snapshot);
   answer_questions(telemetry, snapshot);
-  if (now_us() >= telemetry->next_about_us) send_about(telemetry, false);
+  if (now_us() >= telemetry->next_about_us)
+    send_about(telemetry, false);
 }
 
 void gv_telemetry_record(gv_telemetry *telemetry, const gv_record *record) {
   char text[GV_RECORD_TEXT];
   gv_record_text(record, text);
-  if (record->kind == GV_RECORD_REQUEST && (record->bits & GV_RECORD_REFUSED)) telemetry->commands_refused++;
-  send_event(telemetry, &(gloved_event_t){.utime = record->utime, .step = record->step, .time_s = record->time_s,
-                                          .kind = (int8_t)record->kind, .bits = (int32_t)record->bits, .answers = record->tag,
+  if (record->kind == GV_RECORD_REQUEST && (record->bits & GV_RECORD_REFUSED))
+    telemetry->commands_refused++;
+  send_event(telemetry, &(gloved_event_t){.utime = record->utime,
+                                          .step = record->step,
+                                          .time_s = record->time_s,
+                                          .kind = (int8_t)record->kind,
+                                          .bits = (int32_t)record->bits,
+                                          .answers = record->tag,
                                           .text = text});
 }
 
@@ -695,12 +820,14 @@ static void take_scene(gv_telemetry *telemetry) {
 // Subscribing starts LCM's receiving thread, which inherits the priority: this must come before the loop's.
 static lcm_t *create_quietly(const char *url, gv_telemetry *telemetry) {
   fflush(stderr);
-  const int kept = dup(STDERR_FILENO), nowhere = open("/dev/null", O_WRONLY | O_CLOEXEC);
-  if (kept >= 0 && nowhere >= 0) dup2(nowhere, STDERR_FILENO);
+  const int kept = dup(STDERR_FILENO);
+  const int nowhere = open("/dev/null", O_WRONLY | O_CLOEXEC);
+  if (kept >= 0 && nowhere >= 0)
+    dup2(nowhere, STDERR_FILENO);
   lcm_t *lcm = lcm_create(url);
-  // Over udpm: alone: LCM's tcpq: connects anew whenever it is asked for messages, blocks for as long as the server
-  // pleases, and ends the process where that failed. Null: LCM sent itself a message and did not get it back
-  // (after up to ten seconds).
+  // Over udpm: alone: LCM's tcpq: connects anew whenever it is asked for messages, blocks for as long as the
+  // server pleases, and ends the process where that failed. Null: LCM sent itself a message and did not get
+  // it back (after up to ten seconds).
   telemetry->listens = lcm && strncmp(url, "udpm:", 5) == 0;
   if (telemetry->listens && !lcm_subscribe(lcm, "GLOVED_COMMAND", on_command, telemetry)) {
     telemetry->listens = false;
@@ -708,9 +835,12 @@ static lcm_t *create_quietly(const char *url, gv_telemetry *telemetry) {
     lcm = NULL;
   }
   fflush(stderr);
-  if (kept >= 0) dup2(kept, STDERR_FILENO);
-  if (kept >= 0) close(kept);
-  if (nowhere >= 0) close(nowhere);
+  if (kept >= 0)
+    dup2(kept, STDERR_FILENO);
+  if (kept >= 0)
+    close(kept);
+  if (nowhere >= 0)
+    close(nowhere);
   return lcm;
 }
 
@@ -723,19 +853,25 @@ gv_telemetry *gv_telemetry_open(const gv_telemetry_config *cfg, char *err, size_
   telemetry.hand = cfg->hand;
   telemetry.about = cfg->about;
   telemetry.settings = cfg->settings;
-  if (cfg->log_path) snprintf(telemetry.log_name, sizeof telemetry.log_name, "%s", cfg->log_path);
+  if (cfg->log_path)
+    snprintf(telemetry.log_name, sizeof telemetry.log_name, "%s", cfg->log_path);
   telemetry.begin_scene = cfg->begin_scene;
   telemetry.scene_ended = cfg->scene_ended;
   telemetry.user = cfg->user;
   take_scene(&telemetry);
   *err = '\0';
   if (strcmp(cfg->lcm_url, "none") != 0 && !(telemetry.lcm = create_quietly(cfg->lcm_url, &telemetry))) {
-    snprintf(err, err_size, "LCM does not start on \"%s\"; check the URL, give this machine a multicast route "
-             "(ip link set lo up; ip route add 224.0.0.0/4 dev lo), or leave LCM out with --lcm none", cfg->lcm_url);
-    if (cfg->lcm_required) return NULL;
+    snprintf(err, err_size,
+             "LCM does not start on \"%s\"; check the URL, give this machine a multicast route "
+             "(ip link set lo up; ip route add 224.0.0.0/4 dev lo), or leave LCM out with --lcm none",
+             cfg->lcm_url);
+    if (cfg->lcm_required)
+      return NULL;
   }
-  if (!cfg->log_path || (telemetry.log = lcm_eventlog_create(cfg->log_path, "w"))) return &telemetry;
-  snprintf(err, err_size, "%s: the log file cannot be written; choose another place for --log", cfg->log_path);
+  if (!cfg->log_path || (telemetry.log = lcm_eventlog_create(cfg->log_path, "w")))
+    return &telemetry;
+  snprintf(err, err_size, "%s: the log file cannot be written; choose another place for --log",
+           cfg->log_path);
   gv_telemetry_close(&telemetry);
   return NULL;
 }
@@ -758,7 +894,9 @@ uint64_t gv_telemetry_failed(const gv_telemetry *telemetry) { return telemetry->
 
 int gv_telemetry_close(gv_telemetry *telemetry) {
   send_batch(telemetry);
-  if (telemetry->log) end_log(telemetry);
-  if (telemetry->lcm) lcm_destroy(telemetry->lcm);
+  if (telemetry->log)
+    end_log(telemetry);
+  if (telemetry->lcm)
+    lcm_destroy(telemetry->lcm);
   return telemetry->log_broken ? -1 : 0;
 }

@@ -8,22 +8,22 @@
 #include "daemon/loop/loop.h"
 
 enum {
-  GV_VIEW_RECORDS = 3,   // events on the screen
-  GV_VIEW_NOTE = 400,    // characters of what a device has to say
-  GV_VIEW_OBJECTS = 4,   // objects that can move on the screen: 23 lines in all
-  GV_VIEW_HISTORY = 10   // screens between two compared poses: slip per second at 10 Hz
+  GV_VIEW_RECORDS = 3,  // events on the screen
+  GV_VIEW_NOTE = 400,   // characters of what a device has to say
+  GV_VIEW_OBJECTS = 4,  // objects that can move on the screen: 23 lines in all
+  GV_VIEW_HISTORY = 10  // screens between two compared poses: slip per second at 10 Hz
 };
 
 typedef struct gv_view {
   const gv_scene *scene;
   const char *title;
   bool quiet, terminal;
-  int64_t next_ns;       // CLOCK_MONOTONIC of the next screen or line
-  double force_max_n;    // full bar
-  char record[GV_VIEW_RECORDS][GV_RECORD_TEXT + 16]; // newest last
+  int64_t next_ns;                                    // CLOCK_MONOTONIC of the next screen or line
+  double force_max_n;                                 // full bar
+  char record[GV_VIEW_RECORDS][GV_RECORD_TEXT + 16];  // newest last
   gv_pose T_palm_object[GV_VIEW_HISTORY][GV_VIEW_OBJECTS];
   double start_height_m[GV_VIEW_OBJECTS];
-  int screens;           // drawn so far
+  int screens;  // drawn so far
 } gv_view;
 
 // `title`: what is running, a few words; must outlive the view. force_max_n: the limiter's maximum.
