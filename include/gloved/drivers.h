@@ -92,6 +92,14 @@ int64_t gv_trace_length_ns(const gv_driver *trace);
 // the script with it. On error returns negative and writes one line (what, what to do) to err.
 int gv_sim_open(const char *url, gv_driver *out, char *err, size_t err_size);
 
+// ---- a hand without a glove -----------------------------------------------------------------------
+// "hand:[SCRIPT][?listen=PORT]": datagrams to 127.0.0.1:PORT (20500) say where wrist and fingers shall be, and are answered
+// (src/wire/hand_input.h; gloved-hand sends them from keys, tools/hand_source.py from Python). SCRIPT, data/scripts/hand.user
+// where none is named: where the hand starts, and how its fingers close. Frames as of the simulated device, 1 kHz; what is sent
+// reaches the simulated fingers alone: no force leaves. Nobody heard for 0.5 s: the dead-man switch opens. A second sender is
+// not heard (`foreign`) while the first one is. Cost: a poll 3 us. On error negative with one line in err.
+int gv_hand_input_open(const char *url, gv_side side, gv_driver *out, char *err, size_t err_size);
+
 // ---- serial devices -------------------------------------------------------------------------------
 // All read a serial line (8N1, raw) in poll, one system call, at most 512 bytes at a time: 0.7 us with nothing
 // there, 1.8 us with a record. Frames are stamped with now_ns; their age is the time that the line took for their

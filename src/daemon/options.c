@@ -155,6 +155,7 @@ const char *gv_options_help(void) {
     "  --fcu URL         where the frames come from and the forces go to:\n"
     "                      sim:                        a simulated user in this process (default)\n"
     "                      sim:SCRIPT?device=real      his script and device; see data/scripts\n"
+    "                      hand:?listen=PORT           keys or sliders move the hand (gloved-hand); no force leaves\n"
     "                      trace:FILE                  a recording (candump -L), in real time\n"
     "                      trace:FILE?speed=0          the same as fast as possible\n"
     "                      can:IFACE                   a CAN interface (CAN FD where it can)\n"

@@ -57,12 +57,13 @@ int gv_fcu_open(const gv_settings *settings, gv_driver *out, gv_pace *out_pace, 
   if (starts_with(url, "udp:")) return gv_udp_open(url, out, err, err_size);
   if (starts_with(url, "serial:")) return open_glove(url, settings, out, err, err_size);
   if (starts_with(url, "can:")) return gv_can_open(url, out, err, err_size);
+  if (starts_with(url, "hand:")) return gv_hand_input_open(url, settings->engine.hand.side, out, err, err_size);
   if (starts_with(url, "trace:") || starts_with(url, "sim:")) {
     if (take_speed(bare, &as_fast_as_possible, err, err_size)) return -1;
     *out_pace = as_fast_as_possible ? GV_PACE_FREE : GV_PACE_PACED;
     return bare[0] == 's' ? gv_sim_open(bare, out, err, err_size) : gv_trace_open(bare + 6, out, err, err_size);
   }
-  snprintf(err, err_size, "--fcu %s: no such kind of URL; use can:, udp:, serial:, trace: or sim: (gloved --help)", url);
+  snprintf(err, err_size, "--fcu %s: no such kind of URL; use can:, udp:, serial:, hand:, trace: or sim: (gloved --help)", url);
   return -1;
 }
 
