@@ -53,6 +53,12 @@ view: build/venv-view/.done $(B)/gloved $(SCENE)
 look: build/venv-look/.done $(B)/gloved $(SCENE)
 	$(Q)B=$(B) VIEWER="build/venv-look/bin/python tools/look.py" tools/view $(SCRIPT) $(SCENE)
 
+## hand: grasp it yourself, without a glove: keys in this terminal, the picture in the browser (HAND_SCENE=...)
+HAND_SCENE := data/scenes/box.scene
+hand: build/venv-look/.done $(B)/gloved $(B)/gloved-hand $(B)/gloved-command
+	$(Q)B=$(B) VIEWER="build/venv-look/bin/python tools/look.py" tools/hand $(HAND_SCENE)
+.PHONY: hand
+
 ## top: a running gloved on this terminal
 top: $(B)/gloved-top
 	$(Q)$(B)/gloved-top

@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// A hand for people without a glove, behind the URL "hand:": datagrams on the loopback say where wrist and fingers shall be
-// (wire/hand_input.h), drivers/hand_motion.c goes there, and the simulated device (sim.h) makes it glove, tracker and status
-// frames. Commands reach the simulated fingers alone, which they hold back as they would a person's: no force leaves. Opening
-// reads the way from open to closed; poll and send run in the real-time thread, never block and never allocate.
+// A hand for people without a glove, behind the URL "hand:": datagrams on the loopback say where wrist and
+// fingers shall be (wire/hand_input.h), drivers/hand_motion.c goes there, and the simulated device (sim.h)
+// makes it glove, tracker and status frames. Commands reach the simulated fingers alone, which they hold back
+// as they would a person's: no force leaves. Opening reads the way from open to closed; poll and send run in
+// the real-time thread, never block and never allocate.
 #include <arpa/inet.h>
 #include <errno.h>
 #include <stdatomic.h>
@@ -51,7 +52,9 @@ static bool same(const struct sockaddr_in *a, const struct sockaddr_in *b) {
   return a->sin_port == b->sin_port && a->sin_addr.s_addr == b->sin_addr.s_addr;
 }
 
-static bool is_held(const hand_driver *d, int64_t now_ns) { return d->heard_ns && now_ns - d->heard_ns < silence_ns; }
+static bool is_held(const hand_driver *d, int64_t now_ns) {
+  return d->heard_ns && now_ns - d->heard_ns < silence_ns;
+}
 
 // The sender holds the hand from now on, or goes on holding it; a datagram that was overtaken is none.
 static bool accepts(hand_driver *d, const struct sockaddr_in *from, uint16_t number, int64_t now_ns) {
@@ -155,11 +158,13 @@ static bool tell_hand(void *self, int64_t now_ns, char *out, size_t size) {
   hand_driver *d = self;
   if (!d->opened_ns) d->opened_ns = now_ns;
   if (atomic_load_explicit(&d->damaged, memory_order_relaxed) && !d->told_damaged) {
-    snprintf(out, size, "hand: datagrams come on port %u that are no input of a hand; see src/wire/hand_input.h", d->port);
+    snprintf(out, size, "hand: datagrams come on port %u that are no input of a hand; see %s", d->port,
+             "src/wire/hand_input.h");
     return d->told_damaged = true;
   }
-  if (atomic_load_explicit(&d->heard, memory_order_relaxed) || d->told_nobody || now_ns - d->opened_ns < patience_ns) return false;
-  snprintf(out, size, "hand: nobody moves the hand yet; start gloved-hand --port %u, or open the page's sliders", d->port);
+  if (atomic_load_explicit(&d->heard, memory_order_relaxed) || d->told_nobody) return false;
+  if (now_ns - d->opened_ns < patience_ns) return false;
+  snprintf(out, size, "hand: nobody moves the hand yet; start gloved-hand --port %u, or open the page", d->port);
   return d->told_nobody = true;
 }
 
@@ -173,7 +178,8 @@ static const char *parse_url(char *text, const char **out_way, unsigned *out_por
     *options++ = '\0';
     if (strncmp(options, "listen=", 7) != 0) return "after the ? comes listen=PORT and nothing else";
     const unsigned long port = strtoul(options + 7, &end, 10);
-    if (options[7] < '0' || options[7] > '9' || *end || port < 1 || port > 65535) return "listen wants a port, 1 to 65535";
+    const bool number = options[7] >= '0' && options[7] <= '9' && !*end;
+    if (!number || port < 1 || port > 65535) return "listen wants a port, 1 to 65535";
     *out_port = (unsigned)port;
   }
   *out_way = *text ? text : default_way;
@@ -185,7 +191,9 @@ static int open_socket(hand_driver *d) {
                                     .sin_addr.s_addr = htonl(INADDR_LOOPBACK)};
   for (int i = 0; i < BATCH; i++) {
     d->part[i] = (struct iovec){d->bytes[i], sizeof d->bytes[i]};
-    d->message[i].msg_hdr = (struct msghdr){.msg_name = &d->source[i], .msg_iov = &d->part[i], .msg_iovlen = 1};
+    d->message[i].msg_hdr.msg_name = &d->source[i];
+    d->message[i].msg_hdr.msg_iov = &d->part[i];
+    d->message[i].msg_hdr.msg_iovlen = 1;
   }
   d->fd = socket(AF_INET, SOCK_DGRAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0);
   return d->fd < 0 ? -1 : bind(d->fd, (const struct sockaddr *)&local, sizeof local);
@@ -202,8 +210,8 @@ static int set_up(hand_driver *d, const char *url, gv_side side, char *err, size
   }
   if (gv_sim_script_load(way, &d->way, err, err_size)) return -1;
   if (open_socket(d)) {
-    snprintf(err, err_size, "--fcu %.80s: cannot listen on port %u (%s); give another with hand:?listen=PORT, or end the "
-             "program that holds it", url, d->port, strerror(errno));
+    snprintf(err, err_size, "--fcu %.80s: cannot listen on port %u (%s); give another with hand:?listen=PORT,"
+             " or end the program that holds it", url, d->port, strerror(errno));
     return -1;
   }
   hand_motion_init(&d->motion, &d->way);
@@ -226,6 +234,7 @@ int gv_hand_input_open(const char *url, gv_side side, gv_driver *out, char *err,
     close_hand(d);
     return -1;
   }
-  *out = (gv_driver){d, poll_hand, send_hand, hand_ended, hand_stats, close_hand, NULL, GV_CALLS_SOCKET, tell_hand};
+  *out = (gv_driver){.self = d, .poll = poll_hand, .send = send_hand, .ended = hand_ended,
+                     .stats = hand_stats, .close = close_hand, .calls = GV_CALLS_SOCKET, .tell = tell_hand};
   return 0;
 }

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// The motion of a hand without a glove (hand_motion.h): x'' = w^2 (target - x) - 2 w x', with the speed held within a bound;
-// integrated semi-implicitly. Pure.
+// The motion of a hand without a glove (hand_motion.h): x'' = w^2 (target - x) - 2 w x', with the speed held
+// within a bound; integrated semi-implicitly. Pure.
 #include "drivers/hand_motion.h"
 
 #include <assert.h>
@@ -52,7 +52,8 @@ static void step_wrist(hand_motion *m) {
   m->velocity = approach(m->velocity, way, fastest_m_s);
   m->turning = approach(m->turning, turn, fastest_rad_s);
   m->T_world_wrist.p = gv_mad(m->T_world_wrist.p, step_s, m->velocity);
-  m->T_world_wrist.q = gv_quat_normalize(gv_quat_mul(gv_quat_exp(gv_scale(m->turning, step_s)), m->T_world_wrist.q));
+  const gv_quat turned = gv_quat_exp(gv_scale(m->turning, step_s));
+  m->T_world_wrist.q = gv_quat_normalize(gv_quat_mul(turned, m->T_world_wrist.q));
 }
 
 static void step_grip(hand_motion *m, int f) {

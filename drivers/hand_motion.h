@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// How a hand without a glove goes to where it was told: critically damped, never faster than a hand that knows what it wants
-// (0.5 m/s, 3 rad/s, from open to closed in 0.4 s), so that targets may jump and the gates for jumps have nothing to hold back.
-// Steps of 1 ms; no clock, no heap; the same inputs give the same motion, bit by bit.
+// How a hand without a glove goes to where it was told: critically damped, never faster than a hand that
+// knows what it wants (0.5 m/s, 3 rad/s, from open to closed in 0.4 s), so that targets may jump and the
+// gates for jumps have nothing to hold back. Steps of 1 ms; no clock, no heap; the same inputs give the same
+// motion, bit by bit.
 #ifndef DRIVERS_HAND_MOTION_H
 #define DRIVERS_HAND_MOTION_H
 

@@ -4,7 +4,8 @@
 
 #include <string.h>
 
-enum { VERSION = 1, AT_VERSION = 4, AT_FLAGS = 5, AT_NUMBER = 6, AT_WRIST = 8, AT_GRIP = 36, AT_TENSION = 56 };
+enum { VERSION = 1 };
+enum { AT_VERSION = 4, AT_FLAGS = 5, AT_NUMBER = 6, AT_WRIST = 8, AT_GRIP = 36, AT_TENSION = 56 };
 enum { INPUT_FLAGS = GV_HAND_INPUT_DEAD_MAN | GV_HAND_INPUT_HOME | GV_HAND_INPUT_ASK };
 enum { OUTPUT_FLAGS = GV_HAND_OUTPUT_DEAD_MAN | GV_HAND_OUTPUT_FORCES | GV_HAND_OUTPUT_OTHER };
 static const double reach_m = 2.0, length_off = 1e-3;
@@ -77,7 +78,8 @@ void gv_hand_input_pack(const gv_hand_input *in, uint8_t out[GV_HAND_INPUT_BYTES
 }
 
 bool gv_hand_input_unpack(const uint8_t *data, size_t size, gv_hand_input *out) {
-  if (size != GV_HAND_INPUT_BYTES || !get_head(data, "GVHI", INPUT_FLAGS, &out->flags, &out->number)) return false;
+  if (size != GV_HAND_INPUT_BYTES) return false;
+  if (!get_head(data, "GVHI", INPUT_FLAGS, &out->flags, &out->number)) return false;
   return get_pose(data + AT_WRIST, &out->T_world_wrist) && get_grip(data + AT_GRIP, out->grip);
 }
 
@@ -89,7 +91,8 @@ void gv_hand_output_pack(const gv_hand_output *in, uint8_t out[GV_HAND_OUTPUT_BY
 }
 
 bool gv_hand_output_unpack(const uint8_t *data, size_t size, gv_hand_output *out) {
-  if (size != GV_HAND_OUTPUT_BYTES || !get_head(data, "GVHO", OUTPUT_FLAGS, &out->flags, &out->number)) return false;
+  if (size != GV_HAND_OUTPUT_BYTES) return false;
+  if (!get_head(data, "GVHO", OUTPUT_FLAGS, &out->flags, &out->number)) return false;
   if (!get_pose(data + AT_WRIST, &out->T_world_wrist) || !get_grip(data + AT_GRIP, out->grip)) return false;
   get_floats(data + AT_TENSION, out->tension_n, GV_FINGERS);
   for (int f = 0; f < GV_FINGERS; f++)
