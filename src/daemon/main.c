@@ -46,6 +46,7 @@ typedef struct program {
   gv_loop loop;
   gv_view view;
   gv_notify notify;
+  gv_held held;
   char err[ERROR_TEXT];
 } program;
 
@@ -335,6 +336,7 @@ static int change_scene(program *p) {
   gv_loop_change_scene(&p->loop, p->world.scene.object_count);
   gv_telemetry_change_scene(p->telemetry);
   gv_view_change_scene(&p->view);
+  p->held = (gv_held){0};
   return 0;
 }
 
@@ -342,7 +344,7 @@ static int change_scene(program *p) {
 static int run_loop(program *p) {
   if (gv_loop_start(&p->loop) != 0)
     return -1;
-  const gv_listeners to = {p->telemetry, &p->recorder, p->black_box, &p->view, &p->notify};
+  const gv_listeners to = {p->telemetry, &p->recorder, p->black_box, &p->view, &p->notify, &p->held, &p->world.scene};
   gv_slow_run(&p->loop, &to);
   gv_loop_join(&p->loop);
   return 0;
@@ -384,6 +386,7 @@ static int report(program *p) {
                               .arena = &p->world.arena,
                               .title = p->settings.fcu,
                               .about = &p->about,
+                              .held = &p->held,
                               .reason = fault ? GV_EXIT_FAULT : (gv_exit)atomic_load(&p->loop.exit),
                               .telemetry_failed = gv_telemetry_failed(p->telemetry),
                               .driver = p->driver.stats(p->driver.self)};

@@ -130,6 +130,12 @@ printf 'version = 1;\nlimiter = { ramp_s = 0.03; };\n' > "$tmp/lax.conf"
   grep -qF '"laxer_than_default": "limiter.ramp_s 0.03 (0.015)"' "$tmp/lax.json"
 verdict laxer_than_the_default_is_said_at_every_start $? "$(cat "$tmp/err" "$tmp/out")"
 
+"$gloved" --fcu 'sim:data/scripts/power_box.user?speed=0' --lcm none --summary "$tmp/held.json" > "$tmp/out" 2> "$tmp/err" &&
+  tail -n 1 "$tmp/out" | grep -qE '^  box was held for 9\.[0-9] s, up to 14[0-9] mm above its place: it moved 0\.0[0-9]+ mm in the hand$' &&
+  ! grep -qE -e '-0(\.0*)?( |$)' "$tmp/out" &&
+  python3 -c 'import json, sys; o = json.load(open(sys.argv[1]))["objects"][1]; assert 9 < o["held_s"] < 10 and 0 < o["moved_in_hand_m"] < 1e-4, o' "$tmp/held.json" 2>> "$tmp/err"
+verdict a_run_ends_on_what_the_hand_held $? "$(tail -n 1 "$tmp/out"; cat "$tmp/err")"
+
 printf 'version = 1;\nrate_hz = 500.0;\nlcm = "none";\n' > "$tmp/rate.conf"
 "$gloved" --config "$tmp/rate.conf" --check --fcu "$press" > "$tmp/out" 2>&1 && grep -q ' 500 Hz, step 2 ms' "$tmp/out"
 verdict config_over_defaults $? "$(cat "$tmp/out")"

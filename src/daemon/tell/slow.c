@@ -59,6 +59,7 @@ static void empty_rings(gv_loop *loop, const gv_listeners *to) {
   while ((snapshot = gv_ring_peek(&loop->snapshots))) {
     gv_telemetry_snapshot(to->telemetry, snapshot);
     gv_view_snapshot(to->view, clock_ns(), loop, snapshot);
+    gv_held_snapshot(to->held, to->scene, snapshot);
     gv_ring_release(&loop->snapshots);
   }
   while ((step = gv_ring_peek(&loop->steps))) {

@@ -5,6 +5,7 @@
 #define GLOVED_PROCESS_SLOW_H
 
 #include "daemon/tell/black_box.h"
+#include "daemon/tell/held.h"
 #include "daemon/tell/notify.h"
 #include "daemon/tell/recorder.h"
 #include "daemon/tell/telemetry.h"
@@ -16,7 +17,9 @@ typedef struct gv_listeners {
   gv_recorder *recorder;
   gv_black_box *black_box;  // null: none
   gv_view *view;
-  gv_notify *notify;  // the service manager
+  gv_notify *notify;      // the service manager
+  gv_held *held;          // objects in the hand
+  const gv_scene *scene;  // theirs
 } gv_listeners;
 
 // Returns when the loop has ended and its rings are empty. Runs in the caller's thread (main).

@@ -95,7 +95,8 @@ static void put_frames(FILE *out, const gv_frame_counters *f, const gv_driver_st
           d->lost, d->bus_errors, d->link_downs);
 }
 
-static void put_objects(FILE *out, const gv_session *session, const gv_scene *scene) {
+static void put_objects(FILE *out, const gv_session *session, const gv_scene *scene,
+                        const gv_held *held) {
   fputs("  \"objects\": [", out);
   for (int i = 0; i < scene->object_count; i++) {
     const gv_object *object = &scene->object[i];
@@ -106,7 +107,11 @@ static void put_objects(FILE *out, const gv_session *session, const gv_scene *sc
     put_numbers(out, &(const double[]){T.p.x, T.p.y, T.p.z}[0], 3);
     fputs(", \"quaternion\": ", out);
     put_numbers(out, &(const double[]){T.q.w, T.q.x, T.q.y, T.q.z}[0], 4);
-    fprintf(out, ", \"static\": %s}", object->is_static ? "true" : "false");
+    fprintf(out, ", \"static\": %s, \"held_s\": %.3f", object->is_static ? "true" : "false",
+            held->object[i].seconds);
+    fputs(", \"moved_in_hand_m\": ", out);
+    put_number(out, held->object[i].moved_m);
+    fputc('}', out);
   }
   fputs(scene->object_count ? "\n  ],\n" : "],\n", out);
 }
@@ -132,7 +137,7 @@ int gv_summary_json(const gv_summary *s, FILE *out) {
   put_loop(out, s->loop);
   put_telemetry(out, s);
   put_frames(out, &session->frames, &s->driver);
-  put_objects(out, session, s->scene);
+  put_objects(out, session, s->scene, s->held);
   fputs("  \"force_final_n\": ", out);
   put_numbers(out, session->force_n, GV_FINGERS);
   fprintf(out, ",\n  \"memory\": {\"used\": %zu, \"peak\": %zu, \"size\": %zu}\n}\n", s->arena->used,
@@ -143,15 +148,24 @@ int gv_summary_json(const gv_summary *s, FILE *out) {
 // Millimetres, rounded to tenths; nothing is "-0.0".
 static double tenths_mm(double metres) { return round(metres * 1e4) / 10.0 + 0.0; }
 
-static void print_objects(const gv_summary *s, FILE *out) {
+static void print_places(const gv_summary *s, FILE *out) {
   for (int i = 0; i < s->scene->object_count; i++) {
     const gv_object *object = &s->scene->object[i];
     if (object->is_static)
       continue;
     const gv_pose T = gv_snapshot_object_pose(object, gv_engine_object_pose(s->loop->session->engine, i));
-    const gv_pose T_start = gv_snapshot_object_pose(object, object->T_world_body);
-    fprintf(out, "  %s ends at %.1f %.1f %.1f mm, %.1f mm above its start\n", object->name, tenths_mm(T.p.x),
-            tenths_mm(T.p.y), tenths_mm(T.p.z), tenths_mm(T.p.z - T_start.p.z));
+    fprintf(out, "  %s ends at %.1f %.1f %.1f mm\n", object->name, tenths_mm(T.p.x), tenths_mm(T.p.y),
+            tenths_mm(T.p.z));
+  }
+}
+
+// What matters, last.
+static void print_grasps(const gv_summary *s, FILE *out) {
+  for (int i = 0; i < s->scene->object_count; i++) {
+    const gv_held_object *held = &s->held->object[i];
+    if (held->seconds > 0.0)
+      fprintf(out, "  %s was held for %.1f s, up to %.0f mm above its place: it moved %.4f mm in the hand\n",
+              s->scene->object[i].name, held->seconds, held->lift_m * 1e3, held->moved_m * 1e3);
   }
 }
 
@@ -165,7 +179,7 @@ void gv_summary_print(const gv_summary *s, FILE *out) {
           s->title, gv_session_steps(session), session->cfg.period_s * 1e3, gv_exit_name(s->reason),
           gv_safety_name(loop->state_before_stop), session->faults_seen ? "; faults on the way: " : "",
           session->faults_seen ? gv_fault_text(session->faults_seen) : "");
-  print_objects(s, out);
+  print_places(s, out);
   fprintf(out, "  contacts at most %" PRIu32 ", deepest %.3f mm; largest forces %.2f %.2f %.2f %.2f %.2f N\n",
           c->contacts_max, c->depth_max_m * 1e3, session->force_max_n[0], session->force_max_n[1],
           session->force_max_n[2], session->force_max_n[3], session->force_max_n[4]);
@@ -196,4 +210,5 @@ void gv_summary_print(const gv_summary *s, FILE *out) {
   if (s->telemetry_failed)
     fprintf(out, "  %" PRIu64 " messages were refused by LCM or the disk\n", s->telemetry_failed);
   fprintf(out, "  state hash %016" PRIx64 "\n", gv_engine_hash(session->engine));
+  print_grasps(s, out);
 }

@@ -3,6 +3,7 @@
 // clear to end of line), so that it does not flicker. Slow thread only.
 #include "daemon/tell/view.h"
 
+#include <math.h>
 #include <stdarg.h>
 #include <stdio.h>
 #include <string.h>
@@ -96,8 +97,8 @@ static void put_object(screen *out, gv_view *view, const gv_snapshot *s, int obj
   *then = T_palm_object;
   if (in_hand(s, object))
     snprintf(held, sizeof held, "touched, moved %.3f mm in the hand in 1 s", slip_m * 1e3);
-  put_line(out, "%-16.16s lifted %7.1f mm   %s", name, (T_world_object.p.z - view->start_height_m[row]) * 1e3,
-           held);
+  const double lifted_m = T_world_object.p.z - view->start_height_m[row];
+  put_line(out, "%-16.16s lifted %7.1f mm   %s", name, round(lifted_m * 1e4) / 10.0 + 0.0, held);  // never -0.0
 }
 
 static void put_objects(screen *out, gv_view *view, const gv_snapshot *s) {
