@@ -16,6 +16,7 @@
 #include "daemon/load/devices.h"
 #include "daemon/load/output.h"
 #include "daemon/load/replay.h"
+#include "daemon/load/scene_doubts.h"
 #include "daemon/load/scene_thread.h"
 #include "daemon/loop/machine.h"
 #include "daemon/options.h"
@@ -403,6 +404,16 @@ static int report(program *p) {
   return fault ? FAULT : BAD_INPUT;
 }
 
+// What is possible, but hardly meant.
+static void say_doubts(const program *p) {
+  enum { MOST = 16 };
+  gv_doubt doubt[MOST];
+  const int count = gv_scene_doubts(&p->world.scene, &p->settings.engine, doubt, MOST);
+  for (int i = 0; i < count && i < MOST; i++) printf("warning    %s\n", doubt[i].text);
+  if (count == 0) printf("all sound\n");
+  else printf("sound, with %d warning%s\n", count, count == 1 ? "" : "s");
+}
+
 static void say_what_was_found(const program *p) {
   const char *const pace[] = {"live", "in real time", "as fast as possible"};
   printf("settings   %s; %g Hz, step %g ms\n", p->options.config ? p->options.config : "defaults",
@@ -419,7 +430,7 @@ static void say_what_was_found(const program *p) {
   printf("contact    solver %s, narrow phase %s\n", gv_solver_name(p->settings.engine.solver),
          p->settings.engine.narrow == GV_NARROW_LIBCCD ? "libccd" : "core");
   printf("memory     %.1f MB for scene and engine\n", (double)p->world.arena.used / 1e6);
-  printf("all sound\n");
+  say_doubts(p);
 }
 
 // 0, or negative where frames are missing in the recording.

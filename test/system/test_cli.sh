@@ -111,6 +111,12 @@ command_refused argument_too_many disarm now 'now: nothing more was expected aft
 [ "$code" -eq 0 ] && [ ! -s "$tmp/err" ] && [ ! -e "$tmp/check.json" ] && grep -q 'box.scene; 2 objects' "$tmp/out" && ! grep -q steps "$tmp/out"
 verdict check_says_what_it_found $? "exit $code: $(cat "$tmp/out" "$tmp/err")"
 
+# A mass in grams: sound to the loader, hardly meant.
+sed 's/mass = 0.2;/mass = 200.0;/' data/scenes/box.scene > "$tmp/grams.scene"
+"$gloved" --check --scene "$tmp/grams.scene" --fcu "$press" --lcm none > "$tmp/out" 2> "$tmp/err"; code=$?
+[ "$code" -eq 0 ] && grep -q '^warning .*grams taken as kilograms' "$tmp/out" && grep -q '^warning .*sinks by' "$tmp/out" && ! grep -q 'all sound' "$tmp/out"
+verdict check_doubts_a_mass_in_grams $? "exit $code: $(cat "$tmp/out" "$tmp/err")"
+
 "$gloved" --doctor > "$tmp/out" 2> "$tmp/err"; words=$?
 "$gloved" --doctor --json > "$tmp/doctor.json" 2>> "$tmp/err"; code=$?
 python3 - "$tmp/doctor.json" "$code" <<'END' > "$tmp/why" 2>&1
