@@ -14,6 +14,7 @@
 // came too slowly for the watchdog, 2 bad usage or input. One thread: sleep to the next millisecond, receive,
 // step, send. The simulated world takes one step a period: where the host stalls, it stalls with it.
 #include "daemon/load/about.h"
+#include "daemon/tell/about_json.h"
 #include "gloved/drivers.h"
 #include "gloved/sim.h"
 

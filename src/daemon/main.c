@@ -22,7 +22,7 @@
 #include "daemon/options.h"
 #include "daemon/tell/slow.h"
 #include "daemon/tell/summary.h"
-#include "daemon/world.h"
+#include "daemon/load/world.h"
 #include "gloved/version.h"
 
 enum { OK = 0, FAULT = 1, BAD_INPUT = 2, ERROR_TEXT = 512, GIVE_UP_S = 2 };
@@ -345,7 +345,8 @@ static int change_scene(program *p) {
 static int run_loop(program *p) {
   if (gv_loop_start(&p->loop) != 0)
     return -1;
-  const gv_listeners to = {p->telemetry, &p->recorder, p->black_box, &p->view, &p->notify, &p->held, &p->world.scene};
+  const gv_listeners to = {p->telemetry, &p->recorder, p->black_box,   &p->view,
+                           &p->notify,   &p->held,     &p->world.scene};
   gv_slow_run(&p->loop, &to);
   gv_loop_join(&p->loop);
   return 0;
@@ -409,9 +410,12 @@ static void say_doubts(const program *p) {
   enum { MOST = 16 };
   gv_doubt doubt[MOST];
   const int count = gv_scene_doubts(&p->world.scene, &p->settings.engine, doubt, MOST);
-  for (int i = 0; i < count && i < MOST; i++) printf("warning    %s\n", doubt[i].text);
-  if (count == 0) printf("all sound\n");
-  else printf("sound, with %d warning%s\n", count, count == 1 ? "" : "s");
+  for (int i = 0; i < count && i < MOST; i++)
+    printf("warning    %s\n", doubt[i].text);
+  if (count == 0)
+    printf("all sound\n");
+  else
+    printf("sound, with %d warning%s\n", count, count == 1 ? "" : "s");
 }
 
 static void say_what_was_found(const program *p) {

@@ -16,7 +16,7 @@
 #include "daemon/load/config_load.h"
 #include "daemon/loop/heap.h"
 #include "daemon/loop/session.h"
-#include "daemon/world.h"
+#include "daemon/load/world.h"
 #include "gloved/drivers.h"
 #include "gloved/sim.h"
 #include "support/check.h"

@@ -15,6 +15,12 @@ only() {
   others=$(grep -lE "$2" src/*/*.[ch] src/*/*/*.[ch] drivers/*.[ch] tools/*.[ch] include/gloved/*.h 2>/dev/null | grep -vxE "$3")
   if [ -n "$others" ]; then echo "$others"; echo "FAIL $1"; fails=1; else echo "ok $1"; fi
 }
+# room NAME [OTHERS]: the room includes from itself, from the public headers and from these others alone.
+room() {
+  hits=$(grep -nE '#include "(base|hand|collision|dynamics|safety|wire|engine|drivers|daemon/[a-z]+)/' src/"$1"/*.[ch] |
+    grep -vE "#include \"($1${2:+|$2})/")
+  if [ -n "$hits" ]; then echo "$hits"; echo "FAIL room_$1"; fails=1; else echo "ok room_$1"; fi
+}
 core="$(ls src/base/*.[ch] src/hand/*.[ch] src/collision/*.[ch] src/dynamics/*.[ch] src/safety/*.[ch] src/engine/*.[ch])"; drivers="$(ls drivers/*.[ch])"
 wall core_has_no_heap '\b(malloc|calloc|realloc|free|strdup|alloca)[[:space:]]*\(' $core
 wall core_has_no_input_output '\b(printf|fprintf|snprintf|puts|fopen|open|read|write|socket|ioctl)[[:space:]]*\(|<(stdio|fcntl|unistd|sys/[a-z]+)\.h>' $core
@@ -27,4 +33,15 @@ only one_file_knows_ccd '#include <ccd/' 'src/collision/libccd\.c'
 only one_file_knows_lcm '#include <lcm/|#include "gloved_.*_t\.h"' 'src/daemon/tell/telemetry\.c|tools/gloved-(top|command)\.c'
 only one_file_knows_libconfig '#include <libconfig' 'src/daemon/load/conf\.c'
 only one_file_knows_zlib '#include <zlib' 'drivers/log_file\.c'
+room base
+room hand base
+room collision base
+room dynamics 'base|hand'
+room safety base
+room wire base
+room engine 'base|hand|collision|dynamics'
+room daemon/load
+room daemon/loop 'daemon/load|safety|wire'
+room daemon/tell 'daemon/load|daemon/loop'
+room daemon/doctor 'daemon/load|daemon/tell'
 exit $fails

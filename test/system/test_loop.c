@@ -4,6 +4,7 @@
 // periods, and the loop itself on a scripted driver.
 #include <pthread.h>
 #include <string.h>
+#include <sys/mman.h>
 #include <time.h>
 #include <unistd.h>
 #include <zlib.h>
@@ -309,8 +310,8 @@ static void test_loop_counts_a_heap_call(void) {
 static void touch_new_pages(void) {
   enum { PAGES = 4, PAGE = 4096 };
   static volatile char *memory;
-  memory = gv_realtime_reserve(PAGES * PAGE);
-  for (int i = 0; memory && i < PAGES; i++)
+  memory = mmap(NULL, PAGES * PAGE, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
+  for (int i = 0; memory != MAP_FAILED && i < PAGES; i++)
     memory[i * PAGE] = 1;
 }
 

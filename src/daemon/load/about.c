@@ -4,6 +4,7 @@
 
 #include <errno.h>
 #include <inttypes.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
@@ -11,7 +12,6 @@
 #include <unistd.h>
 
 #include "daemon/load/conf.h"
-#include "daemon/tell/json.h"
 #include "gloved/version.h"
 
 static uint64_t hash_bytes(uint64_t hash, const char *bytes, size_t size) {
@@ -206,34 +206,4 @@ int gv_about_read(const char *path, gv_about *out, char *err, size_t err_size) {
     return 1;
   gv_about_free(out);
   return -1;
-}
-
-// ---- JSON -----------------------------------------------------------------------------------------------
-
-static void json_text(FILE *out, const char *key, const char *text) {
-  fprintf(out, "\"%s\": ", key);
-  gv_json_text(out, text);
-  fputs(", ", out);
-}
-
-static void json_file(FILE *out, const char *key, const gv_about_file *file) {
-  fprintf(out, "\"%s\": {", key);
-  json_text(out, "name", file->name);
-  fprintf(out, "\"hash\": \"%016" PRIx64 "\", \"text\": ", file->hash);
-  gv_json_text(out, gv_about_small_text(file));
-  fputs("}, ", out);
-}
-
-void gv_about_json(const gv_about *about, FILE *out) {
-  fputc('{', out);
-  json_text(out, "version", about->version);
-  json_text(out, "commit", about->commit);
-  json_text(out, "date", about->date);
-  json_text(out, "command_line", about->command_line);
-  json_text(out, "fcu", about->fcu);
-  json_text(out, "tracker", about->tracker);
-  json_text(out, "hand", about->hand);
-  json_file(out, "scene", &about->scene);
-  json_file(out, "settings", &about->settings);
-  fprintf(out, "\"rate_hz\": %.9g}", about->rate_hz);
 }

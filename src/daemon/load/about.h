@@ -9,7 +9,6 @@
 #include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
-#include <stdio.h>
 
 enum {
   GV_ABOUT_TEXT_MAX = 1 << 20,  // bytes of a scene or settings file that are kept with it
@@ -45,8 +44,6 @@ int gv_about_write(const gv_about *about, const char *path, char *err, size_t er
 // 1, or 0 where there is none beside the recording (FILE.about; of FILE.gz also FILE.about),
 // or negative with one line in err.
 int gv_about_read(const char *path, gv_about *out, char *err, size_t err_size);
-// As a JSON object.
-void gv_about_json(const gv_about *about, FILE *out);
 // The text where it is small, else "".
 const char *gv_about_small_text(const gv_about_file *file);
 

@@ -5,8 +5,8 @@
 
 #include "daemon/load/config_load.h"
 #include "gloved/channel.h"
+#include "daemon/load/pace.h"
 #include "gloved/drivers.h"
-#include "daemon/loop/loop.h"
 
 // Both, as one driver. 0 and an open driver with its pace, or negative with one line (what, what to do) in
 // err. On success err is empty or holds one line that the user should know (a classic CAN interface).

@@ -9,7 +9,7 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-#include "daemon/world.h"
+#include "daemon/load/world.h"
 
 enum { GV_SCENE_LOAD_S = 10 };  // then the scene is refused; what is still being loaded is thrown away when it is done
 

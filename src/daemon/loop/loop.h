@@ -12,13 +12,12 @@
 
 #include <pthread.h>
 
+#include "daemon/load/pace.h"
 #include "daemon/loop/histogram.h"
 #include "daemon/loop/realtime.h"
 #include "daemon/loop/ring.h"
 #include "daemon/loop/snapshot.h"
 #include "daemon/loop/sync.h"
-
-typedef enum gv_pace { GV_PACE_LIVE, GV_PACE_PACED, GV_PACE_FREE } gv_pace;
 
 enum {
   GV_LOOP_SNAPSHOTS = 32,  // 0.6 s of snapshots at 50 Hz before the first is dropped; 23 kB each

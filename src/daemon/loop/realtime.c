@@ -125,27 +125,6 @@ void gv_realtime_refusal_text(unsigned refusals, char *out, size_t size) {
            refusals & GV_REFUSED_AWAKE ? " /dev/cpu_dma_latency" : "");
 }
 
-// Under mlockall(MCL_FUTURE) a mapping that can be written would at once take all of its memory: it becomes
-// so only when it is not locked any more. What is kept of it is locked by the next gv_realtime_prepare.
-void *gv_realtime_reserve(size_t size) {
-  void *memory = mmap(NULL, size, PROT_NONE, MAP_PRIVATE | MAP_ANONYMOUS | MAP_NORESERVE, -1, 0);
-  if (memory == MAP_FAILED)
-    return NULL;
-  if (munlock(memory, size) == 0 && mprotect(memory, size, PROT_READ | PROT_WRITE) == 0)
-    return memory;
-  munmap(memory, size);
-  return NULL;
-}
-
-size_t gv_realtime_trim(void *memory, size_t size, size_t used) {
-  const size_t page = (size_t)sysconf(_SC_PAGESIZE);
-  const size_t kept = (used + page - 1) / page * page;
-  if (kept >= size)
-    return size;
-  munmap((uint8_t *)memory + kept, size - kept);
-  return kept;
-}
-
 gv_page_faults gv_realtime_page_faults(void) {
   struct rusage usage;
   memset(&usage, 0, sizeof usage);

@@ -39,11 +39,6 @@ unsigned gv_realtime_enter(const gv_realtime_config *cfg);
 // The refusals in one line, with what to do about them.
 void gv_realtime_refusal_text(unsigned refusals, char *out, size_t size);
 
-// Address space for `size` bytes of zeroed memory; null where there is none. A page costs memory once it
-// is written. gv_realtime_trim gives back what lies beyond `used` bytes, and returns how many are left.
-void *gv_realtime_reserve(size_t size);
-size_t gv_realtime_trim(void *memory, size_t size, size_t used);
-
 // Page faults of the calling thread so far.
 typedef struct gv_page_faults {
   int64_t major, minor;

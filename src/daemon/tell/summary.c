@@ -7,6 +7,7 @@
 #include <math.h>
 
 #include "daemon/load/config_load.h"
+#include "daemon/tell/about_json.h"
 #include "daemon/tell/json.h"
 
 static void put_number(FILE *out, double value) {
@@ -95,8 +96,7 @@ static void put_frames(FILE *out, const gv_frame_counters *f, const gv_driver_st
           d->lost, d->bus_errors, d->link_downs);
 }
 
-static void put_objects(FILE *out, const gv_session *session, const gv_scene *scene,
-                        const gv_held *held) {
+static void put_objects(FILE *out, const gv_session *session, const gv_scene *scene, const gv_held *held) {
   fputs("  \"objects\": [", out);
   for (int i = 0; i < scene->object_count; i++) {
     const gv_object *object = &scene->object[i];

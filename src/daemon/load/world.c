@@ -1,15 +1,39 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // Loads a scene and starts its engine in one block of memory, from the file of --scene or of a command. Main
 // thread: at the start, and beside the running loop (gv_world_load alone) when another scene is asked for.
-#include "daemon/world.h"
+#include "daemon/load/world.h"
 
 #include <stdio.h>
-
-#include "daemon/loop/realtime.h"
+#include <sys/mman.h>
+#include <unistd.h>
 
 // Address space for scene and engine: the largest scene allowed takes 32 MB, its engine less than that
 // again. What the scene at hand does not need is given back.
 static const size_t reserved_size = (size_t)256 << 20;
+
+// Address space for `size` bytes of zeroed memory; null where there is none. A page costs memory
+// once it is written. Under mlockall(MCL_FUTURE) a mapping that can be written would at once take
+// all of its memory: it becomes so only when it is not locked any more. What is kept of it is
+// locked by the next gv_realtime_prepare.
+static void *reserve(size_t size) {
+  void *memory = mmap(NULL, size, PROT_NONE, MAP_PRIVATE | MAP_ANONYMOUS | MAP_NORESERVE, -1, 0);
+  if (memory == MAP_FAILED)
+    return NULL;
+  if (munlock(memory, size) == 0 && mprotect(memory, size, PROT_READ | PROT_WRITE) == 0)
+    return memory;
+  munmap(memory, size);
+  return NULL;
+}
+
+// Gives back what lies beyond `used` bytes; returns how many are left.
+static size_t trim(void *memory, size_t size, size_t used) {
+  const size_t page = (size_t)sysconf(_SC_PAGESIZE);
+  const size_t kept = (used + page - 1) / page * page;
+  if (kept >= size)
+    return size;
+  munmap((uint8_t *)memory + kept, size - kept);
+  return kept;
+}
 
 static int fill(gv_world *world, const char *scene, const char *text, const gv_config *cfg, char *err,
                 size_t err_size) {
@@ -27,7 +51,7 @@ static int fill(gv_world *world, const char *scene, const char *text, const gv_c
 
 int gv_world_load(gv_world *world, const char *scene, const char *text, const gv_config *cfg, char *err,
                   size_t err_size) {
-  *world = (gv_world){.memory = gv_realtime_reserve(reserved_size), .memory_size = reserved_size};
+  *world = (gv_world){.memory = reserve(reserved_size), .memory_size = reserved_size};
   if (!world->memory) {
     snprintf(err, err_size, "no memory for scene and engine; close other programs");
     return -1;
@@ -37,7 +61,7 @@ int gv_world_load(gv_world *world, const char *scene, const char *text, const gv
     gv_world_close(world);
     return -1;
   }
-  world->memory_size = gv_realtime_trim(world->memory, reserved_size, world->arena.used);
+  world->memory_size = trim(world->memory, reserved_size, world->arena.used);
   world->arena.size = world->arena.used;
   return 0;
 }
@@ -50,6 +74,6 @@ int gv_world_start(gv_world *world, const gv_config *cfg) {
 void gv_world_close(gv_world *world) {
   gv_engine_close(world->engine);
   if (world->memory)
-    gv_realtime_trim(world->memory, world->memory_size, 0);
+    trim(world->memory, world->memory_size, 0);
   *world = (gv_world){0};
 }
