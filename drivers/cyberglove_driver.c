@@ -14,7 +14,7 @@ enum { QUIET_MS = 40, STOP_MS = 400, WRITE_MS = 500, REPLY_MS = 300, REPLY_BYTES
 enum { SETTING_LEFT = 256 };  // added to the sensors in what set_up returns
 
 typedef struct cyberglove {
-  serial_source source;  // first: serial_source_close frees it
+  serial_source source;  // first: gv_serial_source_close frees it
   gv_calibration cal;
   gv_side side;                 // of a glove that does not say
   int sensors;                  // 18 or 22; 0: ask
@@ -34,20 +34,20 @@ static const serial_words words = {
 static bool ask(int fd, char query, int values, uint8_t *out) {
   const char question[2] = {'?', query};
   uint8_t reply[REPLY_BYTES];
-  if (serial_write(fd, question, sizeof question, WRITE_MS))
+  if (gv_serial_write(fd, question, sizeof question, WRITE_MS))
     return false;
-  const int count = serial_read(fd, reply, sizeof reply, QUIET_MS, REPLY_MS);
+  const int count = gv_serial_read(fd, reply, sizeof reply, QUIET_MS, REPLY_MS);
   return gv_cyberglove_find_reply(reply, count, query, values, out);
 }
 
 static void let_pass(int fd) {
   uint8_t rest[1024];
-  serial_read(fd, rest, sizeof rest, QUIET_MS, STOP_MS);
+  gv_serial_read(fd, rest, sizeof rest, QUIET_MS, STOP_MS);
 }
 
 static int stop_stream(int fd) {
   const uint8_t stop = GV_CYBERGLOVE_STOP;
-  if (serial_write(fd, &stop, 1, WRITE_MS))
+  if (gv_serial_write(fd, &stop, 1, WRITE_MS))
     return -1;
   let_pass(fd);
   return 0;
@@ -58,10 +58,11 @@ static int stop_stream(int fd) {
 static int start_stream(const cyberglove *d, int fd) {
   static const uint8_t plain[] = {'D', 0, 'U', 0};
   static const char wide[] = "1eu1S";
-  if (serial_write(fd, plain, sizeof plain, WRITE_MS))
+  if (gv_serial_write(fd, plain, sizeof plain, WRITE_MS))
     return -1;
   let_pass(fd);
-  return d->format.wide ? serial_write(fd, wide, strlen(wide), WRITE_MS) : serial_write(fd, "S", 1, WRITE_MS);
+  return d->format.wide ? gv_serial_write(fd, wide, strlen(wide), WRITE_MS)
+                        : gv_serial_write(fd, "S", 1, WRITE_MS);
 }
 
 static void ask_calibration(cyberglove *d, int fd, int sensors) {
@@ -79,10 +80,10 @@ static void ask_calibration(cyberglove *d, int fd, int sensors) {
 static int send_all_sensors(int fd, uint8_t sensors) {
   static const uint8_t all[] = {'M', 0xff, 0xff, 0xff};
   const uint8_t number[] = {'N', sensors};
-  if (serial_write(fd, all, sizeof all, WRITE_MS))
+  if (gv_serial_write(fd, all, sizeof all, WRITE_MS))
     return -1;
   let_pass(fd);
-  if (serial_write(fd, number, sizeof number, WRITE_MS))
+  if (gv_serial_write(fd, number, sizeof number, WRITE_MS))
     return -1;
   let_pass(fd);
   return 0;
@@ -111,18 +112,18 @@ static int set_up(void *self, int fd) {
   if (stop_stream(fd))
     return -1;
   if (!d->sensors && !ask(fd, 'S', 1, &sensors))
-    return serial_source_give_up(&d->source,
-                                 "does not answer ?S (how many sensors); compare baud with its box, "
-                                 "or give sensors=18|22");
+    return gv_serial_source_give_up(&d->source,
+                                    "does not answer ?S (how many sensors); compare baud with its box, "
+                                    "or give sensors=18|22");
   if (sensors != GV_SENSORS && sensors != GV_CYBERGLOVE_FEWER)
-    return serial_source_give_up(&d->source,
-                                 "has neither 18 nor 22 sensors by its answer to ?S; give sensors=18|22");
+    return gv_serial_source_give_up(&d->source,
+                                    "has neither 18 nor 22 sensors by its answer to ?S; give sensors=18|22");
   if (send_all_sensors(fd, sensors))
     return -1;
   if (!sends_all_sensors(fd, sensors))
-    return serial_source_give_up(&d->source,
-                                 "does not send all of its sensors (?N, ?M, ?K); switch its box off and on");
-  serial_source_give_up(&d->source, NULL);
+    return gv_serial_source_give_up(
+        &d->source, "does not send all of its sensors (?N, ?M, ?K); switch its box off and on");
+  gv_serial_source_give_up(&d->source, NULL);
   atomic_store(&d->source.sensors, sensors);
   ask(fd, 'R', 1, &right);
   ask_calibration(d, fd, sensors);
@@ -152,10 +153,10 @@ static int poll_cyberglove(void *self, int64_t now_ns, gv_frame *out, int max) {
   cyberglove *d = self;
   bool may_read = true;
   int n = 0;
-  while (n < max && serial_source_ready(&d->source, &may_read)) {
+  while (n < max && gv_serial_source_ready(&d->source, &may_read)) {
     uint32_t age_us;
     d->format.sensors = d->source.setting & ~SETTING_LEFT;
-    const int length = serial_source_next(&d->source, gv_cyberglove_scan, &d->format, &age_us);
+    const int length = gv_serial_source_next(&d->source, gv_cyberglove_scan, &d->format, &age_us);
     if (length > 0)
       make_frame(d, length, now_ns, age_us, &out[n++]);
   }
@@ -169,7 +170,7 @@ static bool tell_cyberglove(void *self, int64_t now_ns, char *out, size_t size) 
   const bool news = unplugged && !d->unplugged_told;
   d->unplugged_told = unplugged;
   if (!news)
-    return serial_source_tell(self, now_ns, out, size);
+    return gv_serial_source_tell(self, now_ns, out, size);
   snprintf(out, size, "%s: the glove is not plugged into its box; plug it in", d->source.url.device);
   return true;
 }
@@ -182,12 +183,12 @@ static void read_url(cyberglove *d, const char *text, char *err, size_t err_size
   static const char *const sensors[] = {"ask", "18", "22", NULL};
   static const int count[] = {0, GV_CYBERGLOVE_FEWER, GV_SENSORS};
   serial_url *url = &d->source.url;
-  serial_url_parse(url, text, err, err_size);
-  serial_url_choice(url, "type", types, 0);
-  d->source.port.baud = serial_url_baud(url);
-  d->sensors = count[serial_url_choice(url, "sensors", sensors, 0)];
-  d->format.wide = serial_url_choice(url, "wide", no_yes, 0) == 1;
-  serial_url_finish(url, "serial:/dev/ttyUSB0?type=cyberglove&baud=115200&sensors=22&wide=no");
+  gv_serial_url_parse(url, text, err, err_size);
+  gv_serial_url_choice(url, "type", types, 0);
+  d->source.port.baud = gv_serial_url_baud(url);
+  d->sensors = count[gv_serial_url_choice(url, "sensors", sensors, 0)];
+  d->format.wide = gv_serial_url_choice(url, "wide", no_yes, 0) == 1;
+  gv_serial_url_finish(url, "serial:/dev/ttyUSB0?type=cyberglove&baud=115200&sensors=22&wide=no");
 }
 
 int gv_cyberglove_open(const char *url, const gv_calibration *cal, gv_side side, gv_driver *out, char *err,
@@ -201,17 +202,17 @@ int gv_cyberglove_open(const char *url, const gv_calibration *cal, gv_side side,
   d->source.words = &words;
   d->side = side;
   read_url(d, url, err, err_size);
-  if (d->source.url.failed || serial_source_open(&d->source, set_up, d)) {
+  if (d->source.url.failed || gv_serial_source_open(&d->source, set_up, d)) {
     free(d);
     return -1;
   }
   *out = (gv_driver){d,
                      poll_cyberglove,
-                     serial_source_send,
-                     serial_source_ended,
-                     serial_source_stats,
-                     serial_source_close,
-                     serial_source_descriptor,
+                     gv_serial_source_send,
+                     gv_serial_source_ended,
+                     gv_serial_source_stats,
+                     gv_serial_source_close,
+                     gv_serial_source_descriptor,
                      GV_CALLS_LINE,
                      tell_cyberglove};
   return 0;

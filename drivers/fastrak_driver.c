@@ -15,7 +15,7 @@ enum { LATENCY_US = 4000 };  // from measuring to the first byte (manual, "Speci
 enum { QUIET_MS = 40, PAUSE_MS = 10, STOP_MS = 400, WRITE_MS = 500, REPLY_BYTES = 1024, ATTEMPTS = 3 };
 
 typedef struct fastrak {
-  serial_source source;  // first: serial_source_close frees it
+  serial_source source;  // first: gv_serial_source_close frees it
   gv_fastrak_setup setup;
   gv_pose T_world_tracker;
   uint8_t counter;
@@ -31,9 +31,9 @@ static const serial_words words = {
 
 // Sends it and takes what comes back. Negative where the line does not take it.
 static int ask(int fd, const char *command, int quiet_ms, uint8_t reply[REPLY_BYTES]) {
-  if (serial_write(fd, command, strlen(command), WRITE_MS))
+  if (gv_serial_write(fd, command, strlen(command), WRITE_MS))
     return -1;
-  return serial_read(fd, reply, REPLY_BYTES, quiet_ms, STOP_MS);
+  return gv_serial_read(fd, reply, REPLY_BYTES, quiet_ms, STOP_MS);
 }
 
 static bool ask_status(int fd, gv_fastrak_status *out) {
@@ -74,21 +74,21 @@ static int set_up(void *self, int fd) {
   if (ask(fd, GV_FASTRAK_STOP, QUIET_MS, rest) < 0)
     return -1;
   if (!ask_status(fd, &status))
-    return serial_source_give_up(&d->source, "does not answer S (its status); switch it on, "
-                                             "compare baud with the switches on its back");
+    return gv_serial_source_give_up(&d->source, "does not answer S (its status); switch it on, "
+                                                "compare baud with the switches on its back");
   for (int i = 0; i < ATTEMPTS; i++) {
     if (!send_commands(d, fd))
       continue;
     if (!ask_status(fd, &status) || !as_set(d, &status))
       continue;
     if (!stations_are_on(d, fd))
-      return serial_source_give_up(&d->source, "has a receiver of ours switched off; plug it in, "
-                                               "or give hand= and head= as they are plugged");
-    serial_source_give_up(&d->source, NULL);
-    return serial_write(fd, GV_FASTRAK_START, strlen(GV_FASTRAK_START), WRITE_MS);
+      return gv_serial_source_give_up(&d->source, "has a receiver of ours switched off; plug it in, "
+                                                  "or give hand= and head= as they are plugged");
+    gv_serial_source_give_up(&d->source, NULL);
+    return gv_serial_write(fd, GV_FASTRAK_START, strlen(GV_FASTRAK_START), WRITE_MS);
   }
-  return serial_source_give_up(&d->source,
-                               "keeps another unit or format than it was asked for; switch it off and on");
+  return gv_serial_source_give_up(&d->source,
+                                  "keeps another unit or format than it was asked for; switch it off and on");
 }
 
 // ---- what there is to tell ------------------------------------------------------------------------
@@ -97,7 +97,7 @@ static bool tell_fastrak(void *self, int64_t now_ns, char *out, size_t size) {
   fastrak *d = self;
   const char error = (char)atomic_load_explicit(&d->error, memory_order_relaxed);
   if (error == d->error_told)
-    return serial_source_tell(self, now_ns, out, size);
+    return gv_serial_source_tell(self, now_ns, out, size);
   d->error_told = error;
   if (error == ' ')
     return false;
@@ -131,10 +131,10 @@ static int poll_fastrak(void *self, int64_t now_ns, gv_frame *out, int max) {
   fastrak *d = self;
   bool may_read = true;
   int n = 0;
-  while (n < max && serial_source_ready(&d->source, &may_read)) {
+  while (n < max && gv_serial_source_ready(&d->source, &may_read)) {
     gv_fastrak_record record;
     uint32_t age_us;
-    if (serial_source_next(&d->source, gv_fastrak_scan, &d->setup.format, &age_us) == 0)
+    if (gv_serial_source_next(&d->source, gv_fastrak_scan, &d->setup.format, &age_us) == 0)
       continue;
     gv_fastrak_decode(d->setup.format, d->source.framer.byte, &record);
     n += make_frame(d, &record, now_ns, age_us + LATENCY_US, &out[n]) ? 1 : 0;
@@ -150,18 +150,18 @@ static void read_url(fastrak *d, const char *text, char *err, size_t err_size) {
   static const char *const heads[] = {"none", "1", "2", "3", "4", NULL};
   static const char *const hemispheres[] = {"+x", "-x", "+y", "-y", "+z", "-z", NULL};
   serial_url *url = &d->source.url;
-  serial_url_parse(url, text, err, err_size);
-  serial_url_choice(url, "type", types, 0);
-  d->source.port.baud = serial_url_baud(url);
-  d->setup.format = (gv_fastrak_format)serial_url_choice(url, "format", formats, GV_FASTRAK_BINARY);
-  d->setup.hand = 1 + serial_url_choice(url, "hand", hands, 1);
-  d->setup.head = serial_url_choice(url, "head", heads, d->setup.hand == 1 ? 0 : 1);
-  const int hemisphere = serial_url_choice(url, "hemisphere", hemispheres, 0);
+  gv_serial_url_parse(url, text, err, err_size);
+  gv_serial_url_choice(url, "type", types, 0);
+  d->source.port.baud = gv_serial_url_baud(url);
+  d->setup.format = (gv_fastrak_format)gv_serial_url_choice(url, "format", formats, GV_FASTRAK_BINARY);
+  d->setup.hand = 1 + gv_serial_url_choice(url, "hand", hands, 1);
+  d->setup.head = gv_serial_url_choice(url, "head", heads, d->setup.hand == 1 ? 0 : 1);
+  const int hemisphere = gv_serial_url_choice(url, "hemisphere", hemispheres, 0);
   d->setup.hemisphere[hemisphere / 2] = hemisphere % 2 ? -1 : 1;
   if (d->setup.hand == d->setup.head)
-    serial_url_fail(url, "hand and head are both station %d; give them different ones, or head=none",
-                    d->setup.hand);
-  serial_url_finish(url, "serial:/dev/ttyUSB0?type=fastrak&baud=115200&hand=2&head=1&hemisphere=+x");
+    gv_serial_url_fail(url, "hand and head are both station %d; give them different ones, or head=none",
+                       d->setup.hand);
+  gv_serial_url_finish(url, "serial:/dev/ttyUSB0?type=fastrak&baud=115200&hand=2&head=1&hemisphere=+x");
 }
 
 int gv_fastrak_open(const char *url, const gv_pose *T_world_tracker, gv_driver *out, char *err,
@@ -176,17 +176,17 @@ int gv_fastrak_open(const char *url, const gv_pose *T_world_tracker, gv_driver *
   atomic_init(&d->error, ' ');
   d->error_told = ' ';
   read_url(d, url, err, err_size);
-  if (d->source.url.failed || serial_source_open(&d->source, set_up, d)) {
+  if (d->source.url.failed || gv_serial_source_open(&d->source, set_up, d)) {
     free(d);
     return -1;
   }
   *out = (gv_driver){d,
                      poll_fastrak,
-                     serial_source_send,
-                     serial_source_ended,
-                     serial_source_stats,
-                     serial_source_close,
-                     serial_source_descriptor,
+                     gv_serial_source_send,
+                     gv_serial_source_ended,
+                     gv_serial_source_stats,
+                     gv_serial_source_close,
+                     gv_serial_source_descriptor,
                      GV_CALLS_LINE,
                      tell_fastrak};
   return 0;

@@ -28,7 +28,7 @@ static const int64_t answer_ns = 20000000;  // a glove that has not answered by 
 static const int no_brake[GV_FINGERS];
 
 typedef struct lucidglove {
-  serial_source source;  // first: serial_source_close frees it
+  serial_source source;  // first: gv_serial_source_close frees it
   gv_calibration cal;
   gv_side side;
   gv_lucid_format format;
@@ -73,7 +73,7 @@ static bool put_brakes(lucidglove *d, const int brake[GV_FINGERS]) {
   const int count = encode_brakes(d, brake, line);
   d->braked = !is_zero(brake);
   atomic_fetch_add(&d->unanswered, 1);
-  return line_out_put(&d->out, line, count);
+  return gv_line_out_put(&d->out, line, count);
 }
 
 static bool may_put(const lucidglove *d, const int brake[GV_FINGERS]) {
@@ -85,11 +85,11 @@ static bool may_put(const lucidglove *d, const int brake[GV_FINGERS]) {
 static void write_out(lucidglove *d) {
   const char *bytes;
   int count;
-  while ((count = line_out_bytes(&d->out, &bytes)) > 0) {
-    const int n = serial_port_write(&d->source.port, bytes, count);
+  while ((count = gv_line_out_bytes(&d->out, &bytes)) > 0) {
+    const int n = gv_serial_port_write(&d->source.port, bytes, count);
     if (n <= 0)
       return;
-    line_out_wrote(&d->out, n);
+    gv_line_out_wrote(&d->out, n);
   }
 }
 
@@ -143,7 +143,7 @@ static void take_surely(lucidglove *d) {
 static int write_zero(const lucidglove *d, int fd) {
   char line[GV_LUCID_BRAKES_BYTES];
   const int count = encode_brakes(d, no_brake, line);
-  return serial_write(fd, line, (size_t)count, WRITE_MS);
+  return gv_serial_write(fd, line, (size_t)count, WRITE_MS);
 }
 
 // A board that opening has reset needs a second to start; opening it again would reset it again.
@@ -157,7 +157,7 @@ static int set_up(void *self, int fd) {
   if (write_zero(d, fd))
     return -1;
   for (int ms = 0; ms < BOOT_MS && !atomic_load(&d->source.port.stop); ms += QUIET_MS) {
-    const int count = serial_read(fd, bytes, sizeof bytes, QUIET_MS, QUIET_MS);
+    const int count = gv_serial_read(fd, bytes, sizeof bytes, QUIET_MS, QUIET_MS);
     if (count > 0 && memchr(bytes, '\n', (size_t)count))
       return 0;
   }
@@ -176,10 +176,10 @@ static void look(void *self, int fd, int64_t now_ms) {
     return;
   if (d->braked)
     put_brakes(d, no_brake);
-  const int count = line_out_bytes(&d->out, &bytes);
+  const int count = gv_line_out_bytes(&d->out, &bytes);
   const ssize_t n = count > 0 ? write(fd, bytes, (size_t)count) : 0;
   if (n > 0)
-    line_out_wrote(&d->out, (int)n);
+    gv_line_out_wrote(&d->out, (int)n);
   release(d);
 }
 
@@ -188,8 +188,8 @@ static void let_go(void *self, int fd) {
   lucidglove *d = self;
   const char *rest;
   take_surely(d);
-  const int count = d->out.written > 0 ? line_out_bytes(&d->out, &rest) : 0;
-  if (count == 0 || serial_write(fd, rest, (size_t)count, WRITE_MS) == 0)
+  const int count = d->out.written > 0 ? gv_line_out_bytes(&d->out, &rest) : 0;
+  if (count == 0 || gv_serial_write(fd, rest, (size_t)count, WRITE_MS) == 0)
     write_zero(d, fd);
   d->out = (line_out){.written = 0};
   d->braked = false;
@@ -219,9 +219,9 @@ static int poll_lucid(void *self, int64_t now_ns, gv_frame *out, int max) {
   bool may_read = true;
   int n = 0;
   d->now_ns = now_ns;
-  while (n < max && serial_source_ready(&d->source, &may_read)) {
+  while (n < max && gv_serial_source_ready(&d->source, &may_read)) {
     uint32_t age_us;
-    const int length = serial_source_next(&d->source, gv_lucid_scan, &d->format, &age_us);
+    const int length = gv_serial_source_next(&d->source, gv_lucid_scan, &d->format, &age_us);
     if (length == 0)
       continue;
     if (atomic_load(&d->unanswered) > 0)
@@ -236,7 +236,7 @@ static int poll_lucid(void *self, int64_t now_ns, gv_frame *out, int max) {
 
 static gv_driver_stats stats_lucid(void *self) {
   const lucidglove *d = self;
-  gv_driver_stats stats = serial_source_stats(self);
+  gv_driver_stats stats = gv_serial_source_stats(self);
   stats.tx = d->tx;
   stats.tx_failed = d->tx_failed;
   return stats;
@@ -249,13 +249,13 @@ static void read_url(lucidglove *d, const char *text, char *err, size_t err_size
   static const char letters[] = {'J', 'K', 'H'};
   static const char *const no_yes[] = {"no", "yes", NULL};
   serial_url *url = &d->source.url;
-  serial_url_parse(url, text, err, err_size);
-  serial_url_choice(url, "type", types, 0);
-  d->source.port.baud = serial_url_baud(url);
-  d->format.max = serial_url_choice(url, "max", max, 0) == 0 ? 4095 : 1023;
-  d->dead_man = gv_lucid_bit(letters[serial_url_choice(url, "dead_man", switches, 0)]);
-  d->flip = serial_url_choice(url, "flip", no_yes, 0) == 1;
-  serial_url_finish(url, "serial:/dev/ttyUSB0?type=lucidglove&baud=115200&max=4095&dead_man=a&flip=no");
+  gv_serial_url_parse(url, text, err, err_size);
+  gv_serial_url_choice(url, "type", types, 0);
+  d->source.port.baud = gv_serial_url_baud(url);
+  d->format.max = gv_serial_url_choice(url, "max", max, 0) == 0 ? 4095 : 1023;
+  d->dead_man = gv_lucid_bit(letters[gv_serial_url_choice(url, "dead_man", switches, 0)]);
+  d->flip = gv_serial_url_choice(url, "flip", no_yes, 0) == 1;
+  gv_serial_url_finish(url, "serial:/dev/ttyUSB0?type=lucidglove&baud=115200&max=4095&dead_man=a&flip=no");
 }
 
 int gv_lucidglove_open(const char *url, const gv_calibration *cal, gv_side side, gv_driver *out, char *err,
@@ -272,18 +272,18 @@ int gv_lucidglove_open(const char *url, const gv_calibration *cal, gv_side side,
   d->source.port.let_go = let_go;
   atomic_flag_clear(&d->busy);
   read_url(d, url, err, err_size);
-  if (d->source.url.failed || serial_source_open(&d->source, set_up, d)) {
+  if (d->source.url.failed || gv_serial_source_open(&d->source, set_up, d)) {
     free(d);
     return -1;
   }
   *out = (gv_driver){d,
                      poll_lucid,
                      send_lucid,
-                     serial_source_ended,
+                     gv_serial_source_ended,
                      stats_lucid,
-                     serial_source_close,
-                     serial_source_descriptor,
+                     gv_serial_source_close,
+                     gv_serial_source_descriptor,
                      GV_CALLS_LINE,
-                     serial_source_tell};
+                     gv_serial_source_tell};
   return 0;
 }

@@ -31,7 +31,7 @@ static int find_speed(int baud) {
       return i;
   return -1;
 }
-bool serial_port_knows(int baud) { return find_speed(baud) >= 0; }
+bool gv_serial_port_knows(int baud) { return find_speed(baud) >= 0; }
 
 // USB converters hold bytes back for up to 16 ms unless asked not to; others refuse
 // the request, which is as well.
@@ -100,7 +100,7 @@ static void sleep_ms(int ms) {
   nanosleep(&t, NULL);
 }
 
-int serial_write(int fd, const void *data, size_t size, int timeout_ms) {
+int gv_serial_write(int fd, const void *data, size_t size, int timeout_ms) {
   const char *p = data;
   const int64_t end = now_ms() + timeout_ms;
   while (size > 0) {
@@ -118,7 +118,7 @@ int serial_write(int fd, const void *data, size_t size, int timeout_ms) {
   return 0;
 }
 
-int serial_read(int fd, uint8_t *out, int size, int quiet_ms, int timeout_ms) {
+int gv_serial_read(int fd, uint8_t *out, int size, int quiet_ms, int timeout_ms) {
   const int64_t end = now_ms() + timeout_ms;
   int count = 0;
   while (count < size && now_ms() < end) {
@@ -228,7 +228,7 @@ static int start_keeper(serial_port *port) {
   return error;
 }
 
-int serial_port_open(serial_port *port, char *why, size_t why_size) {
+int gv_serial_port_open(serial_port *port, char *why, size_t why_size) {
   atomic_init(&port->fd, -1);
   atomic_init(&port->reading, false);
   atomic_init(&port->stop, false);
@@ -248,7 +248,7 @@ int serial_port_open(serial_port *port, char *why, size_t why_size) {
   return -1;
 }
 
-void serial_port_close(serial_port *port) {
+void gv_serial_port_close(serial_port *port) {
   atomic_store(&port->stop, true);
   pthread_join(port->keeper, NULL);
 }
@@ -270,7 +270,7 @@ static int give_back(serial_port *port, int fd, ssize_t n) {
   return gone ? -1 : n < 0 ? 0 : (int)n;
 }
 
-int serial_port_read(serial_port *port, uint8_t *out, int size, int *out_setting) {
+int gv_serial_port_read(serial_port *port, uint8_t *out, int size, int *out_setting) {
   const int fd = borrow(port);
   const ssize_t n = fd >= 0 ? read(fd, out, (size_t)size) : 0;
   if (fd >= 0)
@@ -279,7 +279,7 @@ int serial_port_read(serial_port *port, uint8_t *out, int size, int *out_setting
   return count > 0 ? count : 0;
 }
 
-int serial_port_write(serial_port *port, const void *data, int size) {
+int gv_serial_port_write(serial_port *port, const void *data, int size) {
   const int fd = borrow(port);
   return give_back(port, fd, fd >= 0 ? write(fd, data, (size_t)size) : 0);
 }

@@ -5,7 +5,7 @@
 //
 //   keeper (ordinary)   open, set the line up, set_up(), hand over; then look every 20 ms: broken, or silent
 //                       for SERIAL_SILENCE_MS? take the descriptor back, let_go(), close it, and begin again
-//   real-time thread    serial_port_read, serial_port_write: one call that cannot block; an error (EIO:
+//   real-time thread    gv_serial_port_read, gv_serial_port_write: one call that cannot block; an error (EIO:
 //                       unplugged) gives the descriptor back
 #ifndef DRIVERS_SERIAL_PORT_H
 #define DRIVERS_SERIAL_PORT_H
@@ -33,7 +33,7 @@ typedef struct serial_port {
   void (*let_go)(void *self, int fd);
   void *self;
   pthread_t keeper;
-  int first_fd;         // opened by serial_port_open
+  int first_fd;         // opened by gv_serial_port_open
   atomic_int fd;        // the reader's; -1: none
   atomic_bool reading;  // the reader is inside read() or write()
   atomic_bool stop;
@@ -43,23 +43,23 @@ typedef struct serial_port {
   atomic_uint connections;  // times that a device was handed over
 } serial_port;
 
-bool serial_port_knows(int baud);
+bool gv_serial_port_knows(int baud);
 // Opens the line once, so that a wrong name is told at once, and starts the keeper; path, baud, set_up and
 // self are filled in. 0, or negative with "what; what to do" in why.
-int serial_port_open(serial_port *port, char *why, size_t why_size);
-void serial_port_close(serial_port *port);
+int gv_serial_port_open(serial_port *port, char *why, size_t why_size);
+void gv_serial_port_close(serial_port *port);
 // Up to `size` bytes that are there, without waiting; out_setting as handed over with them. Real-time thread.
-int serial_port_read(serial_port *port, uint8_t *out, int size, int *out_setting);
+int gv_serial_port_read(serial_port *port, uint8_t *out, int size, int *out_setting);
 // Writes what the line takes, without waiting: bytes, 0 where it is full, -1 where there
 // is no line. Real-time thread.
-int serial_port_write(serial_port *port, const void *data, int size);
+int gv_serial_port_write(serial_port *port, const void *data, int size);
 static inline void serial_port_alive(serial_port *port, uint64_t records) {
   atomic_store_explicit(&port->records, (unsigned long)records, memory_order_relaxed);
 }
 
 // For set_up: these wait up to timeout_ms. Write all of it: 0 or negative. Read what comes until nothing came
 // for quiet_ms: the number of bytes.
-int serial_write(int fd, const void *data, size_t size, int timeout_ms);
-int serial_read(int fd, uint8_t *out, int size, int quiet_ms, int timeout_ms);
+int gv_serial_write(int fd, const void *data, size_t size, int timeout_ms);
+int gv_serial_read(int fd, uint8_t *out, int size, int quiet_ms, int timeout_ms);
 
 #endif

@@ -151,7 +151,7 @@ static void receive_fastrak(serial_sim *s, char c) {
     case 'U': s->centimetres = false; break;
     case 'f': s->binary = true; break;
     case 'F': s->binary = false; break;
-    case CTRL_Y: serial_sim_reset(s); break;
+    case CTRL_Y: gv_serial_sim_reset(s); break;
     case 'l':
     case 'H':
     case 'O':
@@ -339,7 +339,7 @@ static void loosen_lucidglove(gv_sim_device *device) { device->watchdog_s = devi
 
 // ---- all ------------------------------------------------------------------------------------------
 
-void serial_sim_receive(serial_sim *s, const uint8_t *byte, int count) {
+void gv_serial_sim_receive(serial_sim *s, const uint8_t *byte, int count) {
   for (int i = 0; i < count; i++) {
     if (s->kind == SERIAL_SIM_FASTRAK)
       receive_fastrak(s, (char)byte[i]);
@@ -350,7 +350,7 @@ void serial_sim_receive(serial_sim *s, const uint8_t *byte, int count) {
   }
 }
 
-void serial_sim_reset(serial_sim *s) {
+void gv_serial_sim_reset(serial_sim *s) {
   s->streaming = s->binary = s->centimetres = s->wide = false;
   memset(s->mask, 0xff, sizeof s->mask);
   s->number = GV_SENSORS;
@@ -377,7 +377,7 @@ static void take_frame(serial_sim *s, const gv_frame *frame) {
   }
 }
 
-int serial_sim_advance(serial_sim *s, int64_t now_ns, uint8_t *out, int max) {
+int gv_serial_sim_advance(serial_sim *s, int64_t now_ns, uint8_t *out, int max) {
   gv_frame frame[16];
   int n;
   // Full: what a real device would go on sending is lost.
@@ -391,15 +391,15 @@ int serial_sim_advance(serial_sim *s, int64_t now_ns, uint8_t *out, int max) {
   return n;
 }
 
-void serial_sim_adapt(gv_sim_device *device) {
+void gv_serial_sim_adapt(gv_sim_device *device) {
   device->tracker_hz = device->head_hz = 60;
   device->glove_hz_min = 90;
   device->glove_hz_max = 150;
   device->late_chance = device->loss_chance = 0;
 }
 
-void serial_sim_init(serial_sim *s, serial_sim_kind kind, const gv_sim_script *script,
-                     const gv_pose *T_world_tracker, uint64_t seed) {
+void gv_serial_sim_init(serial_sim *s, serial_sim_kind kind, const gv_sim_script *script,
+                        const gv_pose *T_world_tracker, uint64_t seed) {
   memset(s, 0, sizeof *s);
   s->kind = kind;
   s->sensors = GV_SENSORS;
@@ -410,5 +410,5 @@ void serial_sim_init(serial_sim *s, serial_sim_kind kind, const gv_sim_script *s
     loosen_lucidglove(&s->sim.device);
   gv_sim_start(&s->sim);
   memcpy(s->glove.raw, s->sim.raw, sizeof s->glove.raw);
-  serial_sim_reset(s);
+  gv_serial_sim_reset(s);
 }

@@ -63,16 +63,16 @@ typedef struct serial_sim {
 
 // Makes rates and transport of a gv_sim device those of a serial one: tracker 60 Hz a receiver, glove 90 to
 // 150 Hz, nothing late or lost but what the faults say. A LucidGlove's brakes obey as they are told:
-// serial_sim_init takes the device's own watchdog and slew limit away.
-void serial_sim_adapt(gv_sim_device *device);
+// gv_serial_sim_init takes the device's own watchdog and slew limit away.
+void gv_serial_sim_adapt(gv_sim_device *device);
 // The script starts at once.
-void serial_sim_init(serial_sim *s, serial_sim_kind kind, const gv_sim_script *script,
-                     const gv_pose *T_world_tracker, uint64_t seed);
+void gv_serial_sim_init(serial_sim *s, serial_sim_kind kind, const gv_sim_script *script,
+                        const gv_pose *T_world_tracker, uint64_t seed);
 // What the driver wrote.
-void serial_sim_receive(serial_sim *s, const uint8_t *byte, int count);
+void gv_serial_sim_receive(serial_sim *s, const uint8_t *byte, int count);
 // Power off and on: it forgets its set-up, and the line crackles.
-void serial_sim_reset(serial_sim *s);
+void gv_serial_sim_reset(serial_sim *s);
 // Up to `max` bytes due by now_ns (since init). Cost: 1 us a millisecond.
-int serial_sim_advance(serial_sim *s, int64_t now_ns, uint8_t *out, int max);
+int gv_serial_sim_advance(serial_sim *s, int64_t now_ns, uint8_t *out, int max);
 
 #endif

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// Records of a serial device for its driver (serial_source.h). serial_source_next
+// Records of a serial device for its driver (serial_source.h). gv_serial_source_next
 // runs in the real-time thread.
 #include "drivers/serial_source.h"
 
@@ -20,23 +20,23 @@ static void note_bytes(serial_source *s) {
   atomic_fetch_add_explicit(&s->bytes, (unsigned long)s->count, memory_order_relaxed);
 }
 
-bool serial_source_ready(serial_source *s, bool *may_read) {
+bool gv_serial_source_ready(serial_source *s, bool *may_read) {
   if (s->next < s->count)
     return true;
   if (!*may_read)
     return false;
   *may_read = false;
   s->next = 0;
-  s->count = serial_port_read(&s->port, s->chunk, SERIAL_CHUNK, &s->setting);
+  s->count = gv_serial_port_read(&s->port, s->chunk, SERIAL_CHUNK, &s->setting);
   if (s->count > 0)
     note_bytes(s);
   return s->count > 0;
 }
 
-int serial_source_next(serial_source *s, framer_scan scan, const void *format, uint32_t *out_age_us) {
+int gv_serial_source_next(serial_source *s, framer_scan scan, const void *format, uint32_t *out_age_us) {
   int length = 0;
   while (length == 0 && s->next < s->count)
-    length = framer_push(&s->framer, s->chunk[s->next++], scan, format);
+    length = gv_framer_push(&s->framer, s->chunk[s->next++], scan, format);
   if (length == 0)
     return 0;
   serial_port_alive(&s->port, s->framer.records);
@@ -44,17 +44,17 @@ int serial_source_next(serial_source *s, framer_scan scan, const void *format, u
   return length;
 }
 
-int serial_source_open(serial_source *s, int (*set_up)(void *self, int fd), void *self) {
+int gv_serial_source_open(serial_source *s, int (*set_up)(void *self, int fd), void *self) {
   char why[256];
   s->port.path = s->url.device;
   s->port.set_up = set_up;
   s->port.self = self;
-  if (serial_port_open(&s->port, why, sizeof why) == 0)
+  if (gv_serial_port_open(&s->port, why, sizeof why) == 0)
     return 0;
-  return serial_url_fail(&s->url, "%s", why);
+  return gv_serial_url_fail(&s->url, "%s", why);
 }
 
-int serial_source_give_up(serial_source *s, const char *why) {
+int gv_serial_source_give_up(serial_source *s, const char *why) {
   atomic_store(&s->gave_up, why);
   return -1;
 }
@@ -85,7 +85,7 @@ static void tell_silence(serial_source *s, unsigned long bytes, char *out, size_
              s->words->attempt);
 }
 
-bool serial_source_tell(void *self, int64_t now_ns, char *out, size_t size) {
+bool gv_serial_source_tell(void *self, int64_t now_ns, char *out, size_t size) {
   serial_source *s = self;
   const unsigned long records = atomic_load(&s->port.records);
   const unsigned long bytes = atomic_load(&s->bytes);
@@ -103,21 +103,21 @@ bool serial_source_tell(void *self, int64_t now_ns, char *out, size_t size) {
   return s->told = true;
 }
 
-int serial_source_send(void *self, const gv_frame *frame, int count) {
+int gv_serial_source_send(void *self, const gv_frame *frame, int count) {
   (void)self;
   (void)frame;
   (void)count;
   return 0;
 }
 
-bool serial_source_ended(void *self) {
+bool gv_serial_source_ended(void *self) {
   (void)self;
   return false;
 }
 
-int serial_source_descriptor(void *self) { return atomic_load(&((serial_source *)self)->port.fd); }
+int gv_serial_source_descriptor(void *self) { return atomic_load(&((serial_source *)self)->port.fd); }
 
-gv_driver_stats serial_source_stats(void *self) {
+gv_driver_stats gv_serial_source_stats(void *self) {
   serial_source *s = self;
   const unsigned up = atomic_load(&s->port.fd) >= 0;
   const unsigned connections = atomic_load(&s->port.connections);
@@ -125,9 +125,9 @@ gv_driver_stats serial_source_stats(void *self) {
     .rx = s->rx, .bad = s->framer.bad_runs, .link_downs = connections > up ? connections - up : 0};
 }
 
-void serial_source_close(void *self) {
+void gv_serial_source_close(void *self) {
   serial_source *s = self;
-  serial_port_close(&s->port);
+  gv_serial_port_close(&s->port);
   free(s);
 }
 

@@ -40,22 +40,22 @@ typedef struct serial_source {
 } serial_source;
 
 // Whether there are bytes; reads from the line at most once for each *may_read.
-bool serial_source_ready(serial_source *s, bool *may_read);
+bool gv_serial_source_ready(serial_source *s, bool *may_read);
 // Takes the next record among them. Returns its length (it stands at s->framer.byte) or 0: the bytes are used
 // up. out_age_us: what the line took for it and for the bytes behind it.
-int serial_source_next(serial_source *s, framer_scan scan, const void *format, uint32_t *out_age_us);
+int gv_serial_source_next(serial_source *s, framer_scan scan, const void *format, uint32_t *out_age_us);
 // What set_up returns where the device does not do as it should, and why: a constant text "what; what to do".
-int serial_source_give_up(serial_source *s, const char *why);
+int gv_serial_source_give_up(serial_source *s, const char *why);
 // Opens the port of s->url. 0, or negative with one line in the URL's err.
-int serial_source_open(serial_source *s, int (*set_up)(void *self, int fd), void *self);
+int gv_serial_source_open(serial_source *s, int (*set_up)(void *self, int fd), void *self);
 
 // Entries of the driver table that are the same for all; `self` starts with a serial_source.
-int serial_source_send(void *self, const gv_frame *frame, int count);
-bool serial_source_ended(void *self);
-gv_driver_stats serial_source_stats(void *self);
-int serial_source_descriptor(void *self);
+int gv_serial_source_send(void *self, const gv_frame *frame, int count);
+bool gv_serial_source_ended(void *self);
+gv_driver_stats gv_serial_source_stats(void *self);
+int gv_serial_source_descriptor(void *self);
 // Two seconds without a record: what arrives, what was expected, what to try; once, until records come.
-bool serial_source_tell(void *self, int64_t now_ns, char *out, size_t size);
-void serial_source_close(void *self);
+bool gv_serial_source_tell(void *self, int64_t now_ns, char *out, size_t size);
+void gv_serial_source_close(void *self);
 
 #endif

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // "serial:DEVICE?NAME=VALUE&..." taken apart. Set-up only. The first error sticks: after it every getter does
-// nothing, and serial_url_finish reports it, or the parameter that nobody asked for.
+// nothing, and gv_serial_url_finish reports it, or the parameter that nobody asked for.
 #ifndef DRIVERS_SERIAL_URL_H
 #define DRIVERS_SERIAL_URL_H
 
@@ -20,14 +20,14 @@ typedef struct serial_url {
   size_t err_size;
 } serial_url;
 
-void serial_url_parse(serial_url *url, const char *text, char *err, size_t err_size);
+void gv_serial_url_parse(serial_url *url, const char *text, char *err, size_t err_size);
 // Index of the value in `names` (null-terminated), or `otherwise` where the parameter is absent.
-int serial_url_choice(serial_url *url, const char *name, const char *const *names, int otherwise);
+int gv_serial_url_choice(serial_url *url, const char *name, const char *const *names, int otherwise);
 // A speed that termios knows; 115200 where absent.
-int serial_url_baud(serial_url *url);
+int gv_serial_url_baud(serial_url *url);
 // One line "URL: what; what to do"; the first one stays. Returns -1.
-int serial_url_fail(serial_url *url, const char *format, ...) __attribute__((format(printf, 2, 3)));
+int gv_serial_url_fail(serial_url *url, const char *format, ...) __attribute__((format(printf, 2, 3)));
 // 0 where all went well and no parameter is left over. example: a URL that would be right.
-int serial_url_finish(serial_url *url, const char *example);
+int gv_serial_url_finish(serial_url *url, const char *example);
 
 #endif

@@ -171,8 +171,8 @@ static double script_time(const gv_sim *sim) {
 static void step(gv_sim *sim) {
   sim->now_ns += SIM_STEP_NS;
   sim->intent = gv_sim_script_at(&sim->script, script_time(sim));
-  sim_user_step(sim);
-  sim_force_step(sim);
+  gv_sim_user_step(sim);
+  gv_sim_force_step(sim);
   if (gv_sim_ended(sim))
     return;
   tick_stamp_clock(sim);

@@ -8,9 +8,9 @@
 enum { SIM_STEP_NS = 1000000 };  // the device's own cycle
 
 // One step of the force side at sim->now_ns: the watchdog, the tension, and the fingers that it pulls.
-void sim_force_step(gv_sim *sim);
+void gv_sim_force_step(gv_sim *sim);
 
 // What the user does besides the script, onto sim->intent at sim->now_ns.
-void sim_user_step(gv_sim *sim);
+void gv_sim_user_step(gv_sim *sim);
 
 #endif

@@ -150,7 +150,7 @@ static void step_fingers(gv_sim *sim) {
   }
 }
 
-void sim_force_step(gv_sim *sim) {
+void gv_sim_force_step(gv_sim *sim) {
   check_watchdog(sim);
   pull_tendons(sim);
   step_fingers(sim);

@@ -25,7 +25,7 @@ static double wave(const gv_sim *sim, double amplitude, double hz, uint64_t plac
   return amplitude * sine;
 }
 
-void sim_user_step(gv_sim *sim) {
+void gv_sim_user_step(gv_sim *sim) {
   const gv_sim_device *d = &sim->device;
   for (int finger = 0; finger < GV_FINGERS; finger++) {
     int sensor[3];

@@ -101,7 +101,7 @@ static int set_device(const char *value) {
   else if (!equals)
     return fail("--device wants best, real or NAME=VALUE, not ", value);
   if (!equals) {
-    serial_sim_adapt(device);
+    gv_serial_sim_adapt(device);
     return 0;
   }
   *equals = '\0';
@@ -158,7 +158,7 @@ static int load_files(int argc, char **argv, options *o) {
     fprintf(stderr, "serialsim: %s\n", all.err);
     return 2;
   }
-  serial_sim_adapt(&all.script.device);
+  gv_serial_sim_adapt(&all.script.device);
   return 0;
 }
 
@@ -221,8 +221,8 @@ static void exchange_bytes(int64_t now_ns) {
   static uint8_t byte[BYTES];
   ssize_t n;
   while (all.master >= 0 && (n = read(all.master, byte, sizeof byte)) > 0)
-    serial_sim_receive(&all.device, byte, (int)n);
-  const int count = serial_sim_advance(&all.device, now_ns, byte, sizeof byte);
+    gv_serial_sim_receive(&all.device, byte, (int)n);
+  const int count = gv_serial_sim_advance(&all.device, now_ns, byte, sizeof byte);
   // Nobody reads: what does not fit is lost, as on a real line.
   if (all.master >= 0 && count > 0 && write(all.master, byte, (size_t)count) < 0 && errno != EAGAIN)
     interrupted = 1;
@@ -235,7 +235,7 @@ static bool due(double every_s, int64_t ms) {
 // The device again from the start of its script, as the driver has set it up.
 static void begin_anew(const options *o, int64_t *start_ns, int64_t ms) {
   static serial_sim fresh;
-  serial_sim_init(&fresh, o->kind, &all.script, &all.settings.T_world_tracker, (uint64_t)o->seed);
+  gv_serial_sim_init(&fresh, o->kind, &all.script, &all.settings.T_world_tracker, (uint64_t)o->seed);
   all.device.sim = fresh.sim;
   all.device.waits_since_ns = fresh.waits_since_ns;
   *start_ns = ms * PERIOD_NS;
@@ -254,7 +254,7 @@ static int run(const options *o) {
     if (gv_sim_ended(&all.device.sim))
       begin_anew(o, &start_ns, ms);
     if (due(o->reset_s, ms))
-      serial_sim_reset(&all.device);
+      gv_serial_sim_reset(&all.device);
     if (due(o->unplug_s, ms) && all.master >= 0) {
       unplug(o->link);
       out_until_ms = ms + OUT_NS / PERIOD_NS;
@@ -295,7 +295,7 @@ int main(int argc, char **argv) {
   action.sa_handler = on_signal;
   sigaction(SIGINT, &action, NULL);
   sigaction(SIGTERM, &action, NULL);
-  serial_sim_init(&all.device, o.kind, &all.script, &all.settings.T_world_tracker, (uint64_t)o.seed);
+  gv_serial_sim_init(&all.device, o.kind, &all.script, &all.settings.T_world_tracker, (uint64_t)o.seed);
   all.device.sensors = o.sensors;
   all.device.faults = o.faults;
   error = plug(o.link);

@@ -40,7 +40,7 @@ typedef struct gv_cyberglove_format {
   bool wide;    // 16-bit frames
 } gv_cyberglove_format;
 
-// For framer_push; `format` points to a gv_cyberglove_format.
+// For gv_framer_push; `format` points to a gv_cyberglove_format.
 int gv_cyberglove_scan(const void *format, const uint8_t *byte, int count);
 // How a frame that gv_cyberglove_scan found ends.
 typedef enum gv_cyberglove_end {

@@ -39,7 +39,7 @@ typedef struct gv_fastrak_record {
   gv_pose T_tracker_receiver;  // metres; the identity where there is an error and no sound pose
 } gv_fastrak_record;
 
-// For framer_push; `format` points to a gv_fastrak_format. A record counts as one when its four marks are
+// For gv_framer_push; `format` points to a gv_fastrak_format. A record counts as one when its four marks are
 // right, and its numbers are finite, within 10 m, the quaternion's length within 0.002 of 1. With an error
 // letter the numbers are not looked at.
 int gv_fastrak_scan(const void *format, const uint8_t *byte, int count);

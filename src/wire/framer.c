@@ -16,7 +16,7 @@ static void throw_away(framer *f) {
   drop(f, 1);
 }
 
-int framer_push(framer *f, uint8_t byte, framer_scan scan, const void *format) {
+int gv_framer_push(framer *f, uint8_t byte, framer_scan scan, const void *format) {
   drop(f, f->taken);
   f->taken = 0;
   f->byte[f->count++] = byte;

@@ -27,6 +27,6 @@ typedef int (*framer_scan)(const void *format, const uint8_t *byte, int count);
 
 // One byte more. Returns the length of the record that it completes, which stands at f->byte until the
 // next call, or 0. Cost: one scan, and one more for each byte thrown away.
-int framer_push(framer *f, uint8_t byte, framer_scan scan, const void *format);
+int gv_framer_push(framer *f, uint8_t byte, framer_scan scan, const void *format);
 
 #endif

@@ -4,7 +4,7 @@
 
 #include <string.h>
 
-bool line_out_put(line_out *out, const char *line, int count) {
+bool gv_line_out_put(line_out *out, const char *line, int count) {
   line_out_line *place = out->written == 0 ? &out->next : &out->after;
   const bool dropped = place->count > 0;
   memcpy(place->text, line, (size_t)count);
@@ -12,12 +12,12 @@ bool line_out_put(line_out *out, const char *line, int count) {
   return dropped;
 }
 
-int line_out_bytes(const line_out *out, const char **out_bytes) {
+int gv_line_out_bytes(const line_out *out, const char **out_bytes) {
   *out_bytes = out->next.text + out->written;
   return out->next.count - out->written;
 }
 
-void line_out_wrote(line_out *out, int count) {
+void gv_line_out_wrote(line_out *out, int count) {
   out->written += count;
   if (out->written < out->next.count)
     return;

@@ -19,9 +19,9 @@ typedef struct line_out {
 } line_out;
 
 // At most LINE_OUT_BYTES. Returns whether an older line was dropped for it.
-bool line_out_put(line_out *out, const char *line, int count);
+bool gv_line_out_put(line_out *out, const char *line, int count);
 // What is to be written; returns the number of bytes, 0: nothing.
-int line_out_bytes(const line_out *out, const char **out_bytes);
-void line_out_wrote(line_out *out, int count);
+int gv_line_out_bytes(const line_out *out, const char **out_bytes);
+void gv_line_out_wrote(line_out *out, int count);
 
 #endif

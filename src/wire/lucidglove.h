@@ -58,7 +58,7 @@ typedef struct gv_lucid_sample {
 
 static inline uint32_t gv_lucid_bit(char letter) { return 1u << (letter - 'A'); }
 
-// For framer_push; `format` points to a gv_lucid_format. A line starts with A or a key, has a number
+// For gv_framer_push; `format` points to a gv_lucid_format. A line starts with A or a key, has a number
 // for every finger, and nothing twice.
 int gv_lucid_scan(const void *format, const uint8_t *byte, int count);
 // A line that gv_lucid_scan found.

@@ -12,7 +12,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
 static const gv_lucid_format format = {4095};
 
 static int push(framer *f, uint8_t byte, gv_lucid_sample *out) {
-  const int length = framer_push(f, byte, gv_lucid_scan, &format);
+  const int length = gv_framer_push(f, byte, gv_lucid_scan, &format);
   if (length <= 0)
     return 0;
   gv_lucid_decode(&format, f->byte, length, out);

@@ -15,7 +15,7 @@ static const gv_cyberglove_format gloves[] = {{22, false}, {18, false}, {22, tru
 static const gv_fastrak_format trackers[] = {GV_FASTRAK_BINARY, GV_FASTRAK_ASCII};
 
 static int push_tracker(framer *f, const gv_fastrak_format *format, uint8_t byte) {
-  if (framer_push(f, byte, gv_fastrak_scan, format) <= 0)
+  if (gv_framer_push(f, byte, gv_fastrak_scan, format) <= 0)
     return 0;
   gv_fastrak_record r;
   gv_fastrak_decode(*format, f->byte, &r);
@@ -27,7 +27,7 @@ static int push_tracker(framer *f, const gv_fastrak_format *format, uint8_t byte
 static int push_glove(framer *f, const gv_cyberglove_format *format, uint8_t byte) {
   const gv_calibration cal = gv_calibration_default();
   uint16_t raw[GV_SENSORS];
-  const int length = framer_push(f, byte, gv_cyberglove_scan, format);
+  const int length = gv_framer_push(f, byte, gv_cyberglove_scan, format);
   if (length <= 0)
     return 0;
   gv_cyberglove_decode(format, f->byte, length, &cal, raw);

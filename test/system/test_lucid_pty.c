@@ -42,8 +42,8 @@ static void exchange_bytes(void) {
   uint8_t byte[1024];
   ssize_t n;
   while (rig.cable.master >= 0 && (n = read(rig.cable.master, byte, sizeof byte)) > 0)
-    serial_sim_receive(&rig.device, byte, (int)n);
-  const int count = serial_sim_advance(&rig.device, rig.now_ns, byte, sizeof byte);
+    gv_serial_sim_receive(&rig.device, byte, (int)n);
+  const int count = gv_serial_sim_advance(&rig.device, rig.now_ns, byte, sizeof byte);
   if (rig.cable.master >= 0 && count > 0)
     CHECK(write(rig.cable.master, byte, (size_t)count) == count, "%s", strerror(errno));
 }
@@ -111,8 +111,8 @@ static void start(const char *options, gv_side side) {
   const gv_limiter_config limits = gv_limiter_config_default();
   memset(&rig, 0, sizeof rig);
   CHECK(gv_sim_script_parse(motion, "motion", &script, err, sizeof err) == 0, "%s", err);
-  serial_sim_adapt(&script.device);
-  serial_sim_init(&rig.device, SERIAL_SIM_LUCIDGLOVE, &script, &T, 5);
+  gv_serial_sim_adapt(&script.device);
+  gv_serial_sim_init(&rig.device, SERIAL_SIM_LUCIDGLOVE, &script, &T, 5);
   gv_limiter_init(&rig.limiter, &limits);
   rig.cal = gv_calibration_default();
   pty_plug(&rig.cable);
@@ -214,7 +214,7 @@ static void test_a_flipped_firmware(void) {
   rig.driver.close(rig.driver.self);
   uint8_t byte[1024];
   const ssize_t n = read(rig.cable.master, byte, sizeof byte);
-  serial_sim_receive(&rig.device, byte, n > 0 ? (int)n : 0);
+  gv_serial_sim_receive(&rig.device, byte, n > 0 ? (int)n : 0);
   CHECK(largest(rig.device.brake) == 0, "closing leaves brakes of %d", largest(rig.device.brake));
   pty_unplug(&rig.cable);
   start("", GV_RIGHT);

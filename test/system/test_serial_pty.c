@@ -47,8 +47,8 @@ static void exchange_bytes(void) {
   uint8_t byte[1024];
   ssize_t n;
   while (rig.cable.master >= 0 && (n = read(rig.cable.master, byte, sizeof byte)) > 0)
-    serial_sim_receive(&rig.device, byte, (int)n);
-  const int count = serial_sim_advance(&rig.device, rig.now_ns, byte, sizeof byte);
+    gv_serial_sim_receive(&rig.device, byte, (int)n);
+  const int count = gv_serial_sim_advance(&rig.device, rig.now_ns, byte, sizeof byte);
   if (rig.cable.master >= 0 && count > 0)
     CHECK(write(rig.cable.master, byte, (size_t)count) == count, "%s", strerror(errno));
 }
@@ -141,8 +141,8 @@ static void start(serial_sim_kind kind, int sensors, const char *options) {
   char url[256];
   memset(&rig, 0, sizeof rig);
   CHECK(gv_sim_script_parse(motion, "motion", &script, err, sizeof err) == 0, "%s", err);
-  serial_sim_adapt(&script.device);
-  serial_sim_init(&rig.device, kind, &script, &T_world_tracker, 5);
+  gv_serial_sim_adapt(&script.device);
+  gv_serial_sim_init(&rig.device, kind, &script, &T_world_tracker, 5);
   rig.device.sensors = sensors;
   gv_sim_init(&rig.twin, &script, NULL, 5);
   gv_sim_start(&rig.twin);
@@ -249,7 +249,7 @@ static void test_disturbed_line(void) {
 static void test_reset_is_survived(void) {
   start(SERIAL_SIM_FASTRAK, 22, "");
   CHECK(run_frames(20), "only %d frames", rig.frames);
-  serial_sim_reset(&rig.device);
+  gv_serial_sim_reset(&rig.device);
   CHECK(run_frames(40), "no frames after the reset");
   CHECK(rig.device.centimetres && rig.device.binary, "not set up");
   CHECK(gv_serial_report_of(&rig.driver).connections == 2, "%u connections",
@@ -268,7 +268,7 @@ static void test_cable_out_and_in(void) {
   CHECK(!gv_serial_report_of(&rig.driver).connected, "still connected");
   CHECK(!rig.driver.ended(rig.driver.self) && rig.driver.stats(rig.driver.self).link_downs == 1,
         "the driver gave up");
-  serial_sim_reset(&rig.device);
+  gv_serial_sim_reset(&rig.device);
   pty_plug(&rig.cable);
   CHECK(run_frames(40), "no frames after it was plugged in");
   CHECK(gv_serial_report_of(&rig.driver).connections == 2, "%u connections",

@@ -20,7 +20,7 @@ static gv_lucid_sample last;
 static int push(const gv_lucid_format *format, const char *bytes, size_t count) {
   int lines = 0;
   for (size_t i = 0; i < count; i++) {
-    const int length = framer_push(&f, (uint8_t)bytes[i], gv_lucid_scan, format);
+    const int length = gv_framer_push(&f, (uint8_t)bytes[i], gv_lucid_scan, format);
     if (length <= 0)
       continue;
     gv_lucid_decode(format, f.byte, length, &last);
@@ -229,12 +229,12 @@ static void test_a_full_line_drops_the_older_command(void) {
   int previous = -1;
   for (int k = 0; k < 2000; k++) {
     const char *bytes;
-    dropped += line_out_put(&out, text, snprintf(text, sizeof text, "N%d\n", k));
+    dropped += gv_line_out_put(&out, text, snprintf(text, sizeof text, "N%d\n", k));
     int room = k == 1999 ? 1000 : (int)check_uniform(&seed, -8, 6);
-    for (int n; room > 0 && (n = line_out_bytes(&out, &bytes)) > 0; room -= n) {
+    for (int n; room > 0 && (n = gv_line_out_bytes(&out, &bytes)) > 0; room -= n) {
       n = n < room ? n : room;
       memcpy(seen + count, bytes, (size_t)n);
-      line_out_wrote(&out, n);
+      gv_line_out_wrote(&out, n);
       count += n;
     }
   }

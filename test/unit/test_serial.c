@@ -40,7 +40,7 @@ static int push(gv_fastrak_format format, const void *bytes, size_t count) {
   const uint8_t *p = bytes;
   int records = 0;
   for (size_t i = 0; i < count; i++) {
-    if (framer_push(&f, p[i], gv_fastrak_scan, &format) <= 0)
+    if (gv_framer_push(&f, p[i], gv_fastrak_scan, &format) <= 0)
       continue;
     gv_fastrak_decode(format, f.byte, &last);
     records++;
@@ -291,7 +291,7 @@ static uint16_t raw[GV_SENSORS];
 static int push_glove(gv_cyberglove_format format, const uint8_t *bytes, int count) {
   int frames = 0;
   for (int i = 0; i < count; i++) {
-    int length = framer_push(&f, bytes[i], gv_cyberglove_scan, &format);
+    int length = gv_framer_push(&f, bytes[i], gv_cyberglove_scan, &format);
     if (length <= 0)
       continue;
     gv_cyberglove_decode(&format, f.byte, length, &cal, raw);

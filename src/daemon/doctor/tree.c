@@ -28,7 +28,7 @@ static bool read_file(const gv_doctor *doctor, char *out, size_t size, const cha
   return sound;
 }
 
-bool tree_read(const gv_doctor *doctor, char *out, size_t size, const char *path, ...) {
+bool gv_tree_read(const gv_doctor *doctor, char *out, size_t size, const char *path, ...) {
   char name[PATH_TEXT];
   va_list arguments;
   va_start(arguments, path);
@@ -37,7 +37,7 @@ bool tree_read(const gv_doctor *doctor, char *out, size_t size, const char *path
   return read_file(doctor, out, size, name);
 }
 
-bool tree_number(const gv_doctor *doctor, long *out, const char *path, ...) {
+bool gv_tree_number(const gv_doctor *doctor, long *out, const char *path, ...) {
   char name[PATH_TEXT], text[64], *end;
   va_list arguments;
   va_start(arguments, path);
@@ -49,14 +49,14 @@ bool tree_number(const gv_doctor *doctor, long *out, const char *path, ...) {
   return end != text;
 }
 
-bool tree_may_write(const gv_doctor *doctor, const char *path) {
+bool gv_tree_may_write(const gv_doctor *doctor, const char *path) {
   char whole[PATH_TEXT];
   snprintf(whole, sizeof whole, "%s%s", doctor->root, path);
   return access(whole, W_OK) == 0;
 }
 
-void tree_each(const gv_doctor *doctor, const char *directory, const char *prefix,
-               void (*visit)(const gv_doctor *doctor, const char *name, void *user), void *user) {
+void gv_tree_each(const gv_doctor *doctor, const char *directory, const char *prefix,
+                  void (*visit)(const gv_doctor *doctor, const char *name, void *user), void *user) {
   char whole[PATH_TEXT];
   const size_t n = strlen(prefix);
   snprintf(whole, sizeof whole, "%s%s", doctor->root, directory);
@@ -69,7 +69,7 @@ void tree_each(const gv_doctor *doctor, const char *directory, const char *prefi
   closedir(open_directory);
 }
 
-const char *tree_line(const char *text, const char *name) {
+const char *gv_tree_line(const char *text, const char *name) {
   const size_t n = strlen(name);
   for (const char *line = text; line; line = strchr(line, '\n')) {
     if (*line == '\n')
@@ -84,7 +84,7 @@ const char *tree_line(const char *text, const char *name) {
   return NULL;
 }
 
-bool tree_list_has(const char *list, int core) {
+bool gv_tree_list_has(const char *list, int core) {
   while (*list) {
     char *end;
     const long first = strtol(list, &end, 10);
@@ -103,21 +103,21 @@ bool tree_list_has(const char *list, int core) {
 static int last_online(const gv_doctor *doctor) {
   char list[256];
   int last = 0;
-  if (!tree_read(doctor, list, sizeof list, "/sys/devices/system/cpu/online"))
+  if (!gv_tree_read(doctor, list, sizeof list, "/sys/devices/system/cpu/online"))
     return 0;
   for (int core = 0; core < 1024; core++)
-    if (tree_list_has(list, core))
+    if (gv_tree_list_has(list, core))
       last = core;
   return last;
 }
 
-int tree_loop_core(const gv_doctor *doctor) {
+int gv_tree_loop_core(const gv_doctor *doctor) {
   return doctor->settings->cpu >= 0 ? doctor->settings->cpu : last_online(doctor);
 }
 
-int tree_cores(const gv_doctor *doctor) { return last_online(doctor) + 1; }
+int gv_tree_cores(const gv_doctor *doctor) { return last_online(doctor) + 1; }
 
-void doctor_finds(gv_finding *out, gv_verdict verdict, const char *text, ...) {
+void gv_doctor_finds(gv_finding *out, gv_verdict verdict, const char *text, ...) {
   va_list arguments;
   va_start(arguments, text);
   out->verdict = verdict;
@@ -125,7 +125,7 @@ void doctor_finds(gv_finding *out, gv_verdict verdict, const char *text, ...) {
   va_end(arguments);
 }
 
-void doctor_mends(gv_finding *out, const char *text, ...) {
+void gv_doctor_mends(gv_finding *out, const char *text, ...) {
   va_list arguments;
   va_start(arguments, text);
   if (out->verdict != GV_VERDICT_PASS)
