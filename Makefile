@@ -248,7 +248,7 @@ CHECKED  := $(filter-out test_accuracy test_real test_strict,$(basename $(notdir
 ASAN     := -fsanitize=address,undefined -fno-sanitize-recover=all
 tests: $(TESTS:%=$(B)/test/%)
 ## check-asan: unit tests and replays under the address and undefined-behaviour sanitizers (3 minutes)
-check-asan: build/.test-packages build/venv/.ready
+check-asan: build/.test-packages build/.fuzz-packages build/venv/.ready
 	$(Q)$(MAKE) --no-print-directory -j$$(nproc) CC=clang OPT='-O1 -fno-omit-frame-pointer $(ASAN)' B=build/asan tests
 	$(Q)B=build/asan test/run $(CHECKED)
 ## cov: which lines of src and drivers all tests reach (build/cov/index.html; slower by half)
@@ -383,7 +383,7 @@ MANUALS  := $(PROGRAMS) $(SCRIPTS)
 DATA     := $(addprefix data/,scenes scripts lcm calibration examples viewer gloved.conf gloved.dbc)
 data_files = $$(git ls-files $(DATA) 2>/dev/null | grep . || find $(DATA) -type f)
 # Engine, codecs and loaders alone: what other programs link. Only names with gv_ leave it.
-PUBLIC   := $(CORE) $(addprefix src/daemon/load/,conf.c config_load.c scene_load.c scene_check.c scene_friction.c settings_table.c)
+PUBLIC   := $(CORE) $(addprefix src/daemon/load/,conf.c config_load.c scene_load.c scene_check.c scene_friction.c scene_joint.c settings_table.c)
 SONAME   := libgloved.so.0
 $(B)/lib/%.o: %.c | $(B)/gen/.done
 	@mkdir -p $(@D)

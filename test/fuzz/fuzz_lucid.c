@@ -23,7 +23,7 @@ static int push(framer *f, uint8_t byte, gv_lucid_sample *out) {
 }
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
-  const gv_lucid_sample whole = {{1, 22, 333, 4000, 4095}, gv_lucid_bit('J')};
+  const gv_lucid_sample whole = {.bend = {1, 22, 333, 4000, 4095}, .letters = gv_lucid_bit('J')};
   uint8_t line[GV_LUCID_LINE_BYTES];
   int brake[GV_FINGERS], out = 0;
   gv_lucid_sample sample;
