@@ -98,6 +98,7 @@ typedef enum gv_event {          // bits of gv_step_result.events
   GV_EVENT_PAIRS_LEFT_OVER = 1 << 7, // collision detection was over its budget: the least urgent pairs not asked
   GV_EVENT_QUICKSTEP = 1 << 6,   // quickstep did a step that another solver was asked for
   GV_EVENT_SAMPLE_JUMP = 1 << 8, // faster than a hand: held back until the next sample says the same
+  GV_EVENT_JOINT_BROKEN = 1 << 10, // a joint carried more than its break force: it is gone until the scene is reset
   GV_EVENT_SAMPLE_NO_POSE = 1 << 9 // no unit quaternion, or farther than 100 m: not taken
 } gv_event;
 
@@ -117,6 +118,13 @@ typedef struct gv_polygon_contact {
   gv_vec3 position_world;      // on the polygon
 } gv_polygon_contact;
 
+// A joint of the scene at the end of the last step.
+typedef struct gv_joint_state {
+  double position;             // of a hinge (rad, -pi to pi) or a slider (m); 0 of the others
+  double force_n;              // across it, in that step
+  bool broken;
+} gv_joint_state;
+
 // Counters since init; they never go back.
 typedef struct gv_counters {
   uint64_t steps, samples,
@@ -129,6 +137,7 @@ typedef struct gv_counters {
     newton_softened,           // of newton_steps: with softer friction than asked
     dantzig_lagged,            // of dantzig_steps: friction was bounded by the normal forces of an earlier round
     unsolved_steps,            // with contacts that no solver could do: the bodies in contact stood still
+    joints_broken,
     solver_errors;             // answers that ODE gave up, or said to be wrong: another solver did the step
   uint32_t contacts_max, pairs_max;
   double depth_max_m;          // largest penetration of any step
@@ -181,6 +190,7 @@ void gv_engine_limb_velocity(const gv_engine *engine, int limb, gv_vec3 *out_v, 
 void gv_engine_coupling(const gv_engine *engine, int limb, gv_vec3 *out_f, gv_vec3 *out_t);
 gv_pose gv_engine_object_pose(const gv_engine *engine, int object);    // T_world_body
 void gv_engine_object_velocity(const gv_engine *engine, int object, gv_vec3 *out_v, gv_vec3 *out_w);
+gv_joint_state gv_engine_joint(const gv_engine *engine, int joint);
 const double *gv_engine_angles(const gv_engine *engine);               // 22 joint angles of the skeleton, rad
 void gv_engine_memory(const gv_engine *engine, size_t *out_used, size_t *out_peak, size_t *out_size);
 // FNV-1a 64 over the whole simulated state (poses, velocities, filter, step count). Cost: 3 us.

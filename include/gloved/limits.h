@@ -26,6 +26,7 @@ enum {
   GV_MAX_POLYGONS = 128,      // touched polygons in a snapshot; 1 costs 48 B
   GV_MAX_PAIRS = 1024,        // pairs that the broad phase may pass on in one step
   GV_MAX_MATERIALS = 32,      // named in a scene, the hand's among them
+  GV_MAX_JOINTS = 32,         // of a scene; 1 costs up to 8 rows of the solver
   GV_MAX_FRICTION_PAIRS = 64, // of a scene; looked through for each pair of bodies in contact
   GV_MAX_NAME = 32            // bytes of an object's name with its final zero
 };

@@ -40,6 +40,27 @@ typedef struct gv_object {
 
 typedef struct gv_triangle { uint32_t v[3]; } gv_triangle; // indices count from the object's vertex_first
 
+// A joint holds an object to another one, or to the world. What is left to move: a ball turns every way, a hinge about
+// its axis, a slider along it, what is fixed not at all.
+typedef enum gv_joint_kind { GV_JOINT_FIXED, GV_JOINT_BALL, GV_JOINT_HINGE, GV_JOINT_SLIDER } gv_joint_kind;
+enum { GV_WORLD = -1 };
+
+// The position of a hinge (rad) or slider (m) is that of a against b, about or along the axis, zero at the start.
+typedef struct gv_joint {
+  char name[GV_MAX_NAME];
+  gv_joint_kind kind;
+  int object_a, object_b;      // two different objects, a not static; b may be GV_WORLD
+  gv_pose T_a_joint, T_b_joint;// the joint's frame, x its axis, as a and b carry it (b the world: in the world)
+  bool collides;               // a and b collide with each other as if there were no joint
+  // hinge and slider alone
+  bool has_limits;
+  double low, high;            // of the position
+  double friction;             // holds the position with up to so much, N m or N; 0: none
+  double spring_stiffness, spring_damping; // N m/rad, N m s/rad, or N/m, N s/m; both 0: none
+  double spring_rest;          // position where the spring is slack
+  double break_force_n;        // across the joint; more of it in one step breaks the joint until the scene is reset. 0: never
+} gv_joint;
+
 typedef struct gv_scene {
   gv_vec3 gravity_m_s2;
   int object_count, piece_count, vertex_count, triangle_count;
@@ -49,6 +70,8 @@ typedef struct gv_scene {
   const gv_triangle *mesh_triangle; // [triangle_count] counter-clockwise from outside
   int friction_pair_count;
   const gv_friction_pair *friction_pair; // [friction_pair_count] the first that fits counts
+  int joint_count;
+  const gv_joint *joint;          // [joint_count]
 } gv_scene;
 
 #ifdef __cplusplus

@@ -93,9 +93,21 @@ static void init_piece(gv_broad *broad, int o, int i) {
   }
 }
 
+_Static_assert(GV_MAX_OBJECTS <= 64, "a bit of gv_broad.joined for each object");
+
+static void note_joints(gv_broad *broad) {
+  for (int i = 0; i < broad->scene->joint_count; i++) {
+    const gv_joint *joint = &broad->scene->joint[i];
+    if (joint->object_b == GV_WORLD || joint->collides) continue;
+    broad->joined[joint->object_a] |= 1ULL << joint->object_b;
+    broad->joined[joint->object_b] |= 1ULL << joint->object_a;
+  }
+}
+
 void gv_broad_init(gv_broad *broad, double step_s, double contact_margin_m) {
   broad->step_s = step_s;
   broad->contact_margin_m = contact_margin_m;
+  note_joints(broad);
   for (int l = 0; l < GV_LIMBS; l++) {
     const gv_shape *shape = &broad->limb_shape[l];
     broad->limb_reach[l] = gv_norm(shape->half) + shape->radius;
@@ -258,6 +270,7 @@ void gv_broad_list_objects(gv_broad *broad, const int moving[], int moving_count
     const int a = moving[k];
     for (int b = 0; b < broad->scene->object_count; b++) {
       if (b == a || !gv_aabb_meet(&broad->object_box[a], &broad->object_box[b])) continue;
+      if (broad->joined[a] >> b & 1) continue;
       if (b > a || !moves[b]) list_two_objects(broad, a, b);
     }
   }

@@ -27,6 +27,7 @@ typedef struct gv_broad {
   gv_shape *piece_shape;               // [piece_count]
   gv_aabb *piece_box;                  // [piece_count] in the object's own frame
   gv_aabb body_box[GV_MAX_OBJECTS];    // around the pieces of each, own frame
+  uint64_t joined[GV_MAX_OBJECTS];     // bit of each object that a joint holds this one to: the two do not collide
   double object_reach[GV_MAX_OBJECTS]; // farthest vertex from the body's origin, m
   // of this step
   gv_body_state predicted[GV_BODIES];  // poses of this step, velocities after it without contacts

@@ -58,8 +58,9 @@ void gv_choice_forget(gv_choice *choice) {
 
 gv_solver_report gv_choice_solve(gv_choice *choice, gv_problem *problem, gv_velocity out_velocity[],
                                  gv_vec3 out_impulse[]) {
-  if (problem->contact_count == 0) gv_choice_forget(choice);
-  for (int i = 0; i < TURNS && problem->contact_count > 0; i++) {
+  const bool is_free = problem->contact_count + problem->row_count == 0;
+  if (is_free) gv_choice_forget(choice);
+  for (int i = 0; i < TURNS && !is_free; i++) {
     const turn *t = &order[choice->solver][i];
     if (t->solver == GV_SOLVER_AUTO) break;
     problem->budget_s = t->share * choice->effort * choice->period_s;

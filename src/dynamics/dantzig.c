@@ -17,7 +17,7 @@
 // Limits swing where contacts share a load in many ways. So from DAMPED_FROM on they move halfway; where no
 // contact is new they do so at once, and a few rounds are enough, for the next step goes on with them.
 enum { ROUNDS = 8, ROUNDS_KNOWN = 3, DAMPED_FROM = 3 };
-enum { MOST_CONTACTS = 128 };                // of an island: what the step memory is made for
+enum { MOST_ROWS = 3 * 128 };                // of an island: what the step memory is made for
 static const double agree_n_s = 1e-8;        // limits that differ by less are the same,
 static const double agree_share = 5e-4;      // or by less than this share of mu x_n
 
@@ -43,34 +43,35 @@ static int find_root(uint8_t *parent, int i) {
   return i;
 }
 
-// Contacts of each group of bodies that touch each other, at its root: ODE solves each alone. Union by path
-// halving.
-static void count_islands(const gv_problem *problem, int out_contacts[GV_BODIES]) {
-  uint8_t parent[GV_BODIES];
-  for (int i = 0; i < GV_BODIES; i++) parent[i] = (uint8_t)i;
-  memset(out_contacts, 0, GV_BODIES * sizeof *out_contacts);
-  for (int i = 0; i < problem->contact_count; i++) {
-    const gv_problem_contact *c = &problem->contact[i];
-    if (!(problem->body[c->body_b].mass > 0.0)) continue;
-    const int root = find_root(parent, c->body_a);
-    parent[root] = (uint8_t)find_root(parent, c->body_b);
-  }
-  for (int i = 0; i < problem->contact_count; i++) {
-    const int root = find_root(parent, problem->contact[i].body_a);
-    out_contacts[root]++;
-  }
+static void join(const gv_problem *problem, uint8_t *parent, int a, int b) {
+  if (b == GV_WORLD || !(problem->body[b].mass > 0.0)) return;
+  const int root = find_root(parent, a);
+  parent[root] = (uint8_t)find_root(parent, b);
 }
 
-// Of one round, as bodies jammed into each other need it (99 of 100 of them; a grasp needs a sixth): 12 us a
-// contact and half a nanosecond a cube of an island's rows.
+// Rows of each group of bodies that hold on to each other, at its root: ODE solves each alone. Union by path
+// halving.
+static void count_islands(const gv_problem *problem, int out_rows[GV_BODIES]) {
+  uint8_t parent[GV_BODIES];
+  for (int i = 0; i < GV_BODIES; i++) parent[i] = (uint8_t)i;
+  memset(out_rows, 0, GV_BODIES * sizeof *out_rows);
+  for (int i = 0; i < problem->contact_count; i++)
+    join(problem, parent, problem->contact[i].body_a, problem->contact[i].body_b);
+  for (int i = 0; i < problem->row_count; i++) join(problem, parent, problem->row[i].body_a, problem->row[i].body_b);
+  for (int i = 0; i < problem->contact_count; i++) out_rows[find_root(parent, problem->contact[i].body_a)] += 3;
+  for (int i = 0; i < problem->row_count; i++) out_rows[find_root(parent, problem->row[i].body_a)]++;
+}
+
+// Of one round, as bodies jammed into each other need it (99 of 100 of them; a grasp needs a sixth): 4 us a row (12
+// a contact) and half a nanosecond a cube of an island's rows.
 static double round_cost_s(const gv_problem *problem) {
-  int contacts[GV_BODIES];
+  int count[GV_BODIES];
   double sum = 1e-6;
-  count_islands(problem, contacts);
+  count_islands(problem, count);
   for (int i = 0; i < problem->body_count; i++) {
-    const double rows = 3.0 * contacts[i];
-    if (contacts[i] > MOST_CONTACTS) return HUGE_VAL;
-    sum += 12e-6 * contacts[i] + 5e-10 * rows * rows * rows;
+    const double rows = count[i];
+    if (count[i] > MOST_ROWS) return HUGE_VAL;
+    sum += 4e-6 * rows + 5e-10 * rows * rows * rows;
   }
   return sum;
 }

@@ -13,12 +13,15 @@
 
 struct gv_dynamics {
   const gv_config *cfg;
+  const gv_scene *scene;
+  bool broken[GV_MAX_JOINTS];
   gv_bodies bodies;
   gv_choice choice;
   gv_problem problem;              // of this step
   int index[GV_MAX_CONTACTS];      // of the problem's contacts among those given
   gv_velocity velocity[GV_BODIES]; // after the step, first without contacts
   gv_vec3 impulse[GV_MAX_CONTACTS];
+  int joints_broken;               // in the last step
   unsigned warm_up_errors;         // the warm-up's contacts make no sense to a solver
 };
 
@@ -32,6 +35,7 @@ gv_dynamics *gv_dynamics_create(gv_arena *arena, const gv_config *cfg, const gv_
     return NULL;
   }
   dyn->cfg = cfg;
+  dyn->scene = scene;
   dyn->choice = choice;
   gv_bodies_init(&dyn->bodies, cfg, scene, spring, limb_inertia);
   return dyn;
@@ -86,6 +90,23 @@ void gv_dynamics_set_share(gv_dynamics *dyn, double share) { dyn->choice.effort 
 
 void gv_dynamics_forget(gv_dynamics *dyn) { gv_choice_forget(&dyn->choice); }
 
+void gv_dynamics_mend_joints(gv_dynamics *dyn) { memset(dyn->broken, 0, sizeof dyn->broken); }
+
+int gv_dynamics_joints_broken(const gv_dynamics *dyn) { return dyn->joints_broken; }
+
+gv_joint_state gv_dynamics_joint(const gv_dynamics *dyn, int joint) {
+  assert(joint >= 0 && joint < dyn->scene->joint_count);
+  const gv_joint *k = &dyn->scene->joint[joint];
+  const gv_body_state *object = &dyn->bodies.state[GV_LIMBS];
+  gv_pose T_world_b = k->T_b_joint;
+  if (k->object_b != GV_WORLD) T_world_b = gv_pose_mul(object[k->object_b].T, k->T_b_joint);
+  const gv_pose T_world_a = gv_pose_mul(object[k->object_a].T, k->T_a_joint);
+  gv_joint_state out = {.position = gv_joint_position(k, T_world_a, T_world_b), .broken = dyn->broken[joint]};
+  if (!out.broken && joint < dyn->problem.joint_count)
+    out.force_n = gv_problem_joint_force(&dyn->problem, joint, dyn->velocity);
+  return out;
+}
+
 unsigned gv_dynamics_solver_errors(const gv_dynamics *dyn) {
   return gv_ode_failures(dyn->choice.ode) - dyn->warm_up_errors;
 }
@@ -102,6 +123,7 @@ static void state_problem(gv_dynamics *dyn, const gv_dynamics_contact contact[],
     dyn->velocity[i].w = problem->body[i].w;
   }
   gv_problem_set_contacts(problem, dyn->cfg, contact, count, dyn->index);
+  gv_problem_set_joints(problem, dyn->cfg, dyn->scene, dyn->bodies.state, dyn->broken);
 }
 
 // No solver has an answer: what touches something stays where it is for this step.
@@ -111,6 +133,25 @@ static void stop_touched(gv_dynamics *dyn) {
     dyn->velocity[dyn->problem.contact[i].body_a] = none;
     dyn->velocity[dyn->problem.contact[i].body_b] = none;
   }
+  for (int i = 0; i < dyn->problem.joint_count; i++) {
+    const gv_problem_joint *j = &dyn->problem.joint[i];
+    if (j->row_count == 0) continue;
+    dyn->velocity[j->body_a] = none;
+    if (j->body_b != GV_WORLD) dyn->velocity[j->body_b] = none;
+  }
+}
+
+// A joint that carried more than it can is gone in the next step. Returns how many broke.
+static int break_joints(gv_dynamics *dyn) {
+  int count = 0;
+  for (int i = 0; i < dyn->problem.joint_count; i++) {
+    const double most = dyn->scene->joint[i].break_force_n;
+    if (!(most > 0.0) || dyn->broken[i]) continue;
+    if (!(gv_problem_joint_force(&dyn->problem, i, dyn->velocity) > most)) continue;
+    dyn->broken[i] = true;
+    count++;
+  }
+  return count;
 }
 
 gv_solver_report gv_dynamics_step(gv_dynamics *dyn, const gv_dynamics_contact contact[], int count,
@@ -122,6 +163,7 @@ gv_solver_report gv_dynamics_step(gv_dynamics *dyn, const gv_dynamics_contact co
   memset(out_force, 0, sizeof *out_force * (size_t)count);
   for (int i = 0; i < dyn->problem.contact_count && report.outcome != GV_OUTCOME_NONE; i++)
     out_force[dyn->index[i]] = gv_scale(dyn->impulse[i], 1.0 / h);
+  dyn->joints_broken = break_joints(dyn);
   gv_bodies_advance(&dyn->bodies, h, dyn->velocity);
   return report;
 }

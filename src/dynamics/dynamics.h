@@ -34,6 +34,11 @@ bool gv_dynamics_pushed(const gv_dynamics *dyn, int body);
 void gv_dynamics_set_share(gv_dynamics *dyn, double share);
 // Drop what was kept from the last step.
 void gv_dynamics_forget(gv_dynamics *dyn);
+// Broken joints hold again.
+void gv_dynamics_mend_joints(gv_dynamics *dyn);
+// How many broke in the last step.
+int gv_dynamics_joints_broken(const gv_dynamics *dyn);
+gv_joint_state gv_dynamics_joint(const gv_dynamics *dyn, int joint);
 gv_vec3 gv_dynamics_gravity(const gv_dynamics *dyn);
 // Velocity that a body would have after the step without contacts.
 void gv_dynamics_predict(const gv_dynamics *dyn, int body, gv_body_state *out);

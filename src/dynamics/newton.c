@@ -34,6 +34,7 @@
 #include "dynamics/newton.h"
 
 #include <assert.h>
+#include <string.h>
 
 #include "dynamics/newton_system.h"
 
@@ -136,7 +137,9 @@ static double project(gv_newton *s, double weight, double softening) {
     project_contact(s, c, weight, softening);
     if (!(c->residual <= worst)) worst = c->residual;
   }
-  return worst;
+  double merit = 0.0;
+  const double rows = gv_newton_rows_project(s, weight, &merit);
+  return rows <= worst ? worst : rows;
 }
 
 // What slid one way and now would the other way sticks first.
@@ -172,6 +175,7 @@ static void adopt_modes_by_pair(gv_newton *s) {
     adopt_modes(&s->contact[first], i - first);
     first = i;
   }
+  gv_newton_rows_adopt(s);
 }
 
 // ---- damping --------------------------------------------------------------------------------------
@@ -186,6 +190,12 @@ static double go_along_step(gv_newton *s, const stage *st, double t) {
     project_contact(s, c, st->weight, st->softening);
     merit += c->merit;
   }
+  for (int i = 0; i < s->rows; i++) {
+    gv_newton_row *row = &s->row[i];
+    row->impulse = row->from_impulse + t * (row->full_impulse - row->from_impulse);
+    row->u = row->from_u + t * (row->full_u - row->from_u);
+  }
+  gv_newton_rows_project(s, st->weight, &merit);
   return merit;
 }
 
@@ -195,6 +205,10 @@ static double damp_step(gv_newton *s, const stage *st, double merit_before) {
   for (int i = 0; i < s->count; i++) {
     s->contact[i].full_impulse = s->contact[i].impulse;
     s->contact[i].full_u = s->contact[i].u;
+  }
+  for (int i = 0; i < s->rows; i++) {
+    s->row[i].full_impulse = s->row[i].impulse;
+    s->row[i].full_u = s->row[i].u;
   }
   double t = 1.0, best = 1.0, least = go_along_step(s, st, 1.0);
   for (int i = 0; i < HALVINGS && least > merit_before; i++) {
@@ -213,6 +227,10 @@ static void begin_next_step_here(gv_newton *s) {
     s->contact[i].from_impulse = s->contact[i].impulse;
     s->contact[i].from_u = s->contact[i].u;
   }
+  for (int i = 0; i < s->rows; i++) {
+    s->row[i].from_impulse = s->row[i].impulse;
+    s->row[i].from_u = s->row[i].u;
+  }
 }
 
 // ---- the programme --------------------------------------------------------------------------------
@@ -226,10 +244,10 @@ static double set_up_cost_s(int contacts) { return 1e-6 + 6e-8 * contacts; }
 
 // The first solution of a stage is the dearest, where everything changes: none is begun that would not fit.
 static bool solve_within_budget(gv_newton *s, double softening) {
-  if (s->solves >= MOST_SOLVES || s->time_left_s < solve_cost_s(s->count, s->count, s->blocks.work)) return false;
+  if (s->solves >= MOST_SOLVES || s->time_left_s < solve_cost_s(s->count + s->rows, s->count, s->blocks.work)) return false;
   s->solves++;
   const bool solved = gv_newton_solve(s, softening);
-  s->time_left_s -= solve_cost_s(s->count, s->changed, s->blocks.work_done);
+  s->time_left_s -= solve_cost_s(s->count + s->rows, s->changed, s->blocks.work_done);
   return solved;
 }
 
@@ -262,6 +280,7 @@ static bool run_stage(gv_newton *s, const stage *st) {
 static void start_stage(gv_newton *s, const stage *st) {
   if (st->start == FROM_STAGE_BEFORE) return;
   for (int i = 0; i < s->count; i++) s->contact[i].mode = s->contact[i].first;
+  for (int i = 0; i < s->rows; i++) s->row[i].state = s->row[i].first;
 }
 
 static gv_outcome run_programme(gv_newton *s) {
@@ -277,9 +296,11 @@ static gv_outcome run_programme(gv_newton *s) {
     s->softening = st->softening;
     if (st->softening <= 1.0) return GV_OUTCOME_SOLVED;
     for (int i = 0; i < s->count; i++) s->kept[i] = s->contact[i].mode;
+    for (int i = 0; i < s->rows; i++) s->row[i].kept = s->row[i].state;
   }
   if (!(s->softening > 0.0)) return GV_OUTCOME_NONE;
   for (int i = 0; i < s->count; i++) s->contact[i].mode = s->kept[i];
+  for (int i = 0; i < s->rows; i++) s->row[i].state = s->row[i].kept;
   gv_newton_change_all(s);
   return gv_newton_solve(s, s->softening) ? GV_OUTCOME_SOFTENED : GV_OUTCOME_NONE;
 }
@@ -291,10 +312,12 @@ static gv_outcome solve(void *memory, const gv_problem *problem, gv_velocity out
   assert(problem->contact_count <= GV_MAX_CONTACTS && problem->body_count <= GV_BODIES);
   if (!gv_newton_set_up(s, problem)) return GV_OUTCOME_NONE;
   s->solves = 0;
-  s->time_left_s = problem->budget_s - set_up_cost_s(s->count);
+  s->time_left_s = problem->budget_s - set_up_cost_s(s->count + s->rows);
   choose_start(s);
+  gv_newton_rows_start(s);
   const gv_outcome outcome = run_programme(s);
   keep_guess(s);
+  gv_newton_rows_keep(s);
   if (outcome == GV_OUTCOME_NONE || !gv_newton_tell(s, problem, out_velocity)) return GV_OUTCOME_NONE;
   for (int i = 0; i < s->count; i++) out_impulse[i] = s->contact[i].impulse;
   return outcome;
@@ -303,6 +326,7 @@ static gv_outcome solve(void *memory, const gv_problem *problem, gv_velocity out
 static void forget(void *memory) {
   gv_newton *s = memory;
   s->last_count = 0;
+  memset(s->last_row, 0, sizeof s->last_row);
 }
 
 const gv_contact_solver gv_solver_newton = {

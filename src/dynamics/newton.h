@@ -6,6 +6,7 @@
 
 #include "dynamics/blocks.h"
 #include "dynamics/newton_contact.h"
+#include "dynamics/newton_row.h"
 #include "dynamics/solver.h"
 
 typedef struct gv_newton_node {  // a body that moves and has a contact
@@ -30,6 +31,7 @@ typedef struct gv_newton_guess { int body_a, body_b; gv_vec3 friction_dir; doubl
 typedef struct gv_newton {
   gv_newton_guess last[GV_MAX_CONTACTS]; // active set of the last step that was solved, where the next begins
   int last_count;
+  uint8_t last_row[GV_MAX_ROWS]; // states of joints' rows then, by slot
   // about the last problem
   int solves;                    // of linear equations
   int stage;                     // of the programme that ended it
@@ -41,6 +43,8 @@ typedef struct gv_newton {
   int node_of[GV_BODIES];        // -1: does not move, or touches nothing
   gv_newton_contact contact[GV_MAX_CONTACTS];
   gv_newton_mode kept[GV_MAX_CONTACTS];
+  int rows;                      // of joints
+  gv_newton_row row[GV_MAX_ROWS];
   gv_newton_node node[GV_NODES];
   gv_newton_limb limb[GV_LIMBS];
   int of_limb[GV_MAX_CONTACTS];  // contacts, limb by limb

@@ -52,6 +52,10 @@ static void make_nodes(gv_newton *s, const gv_problem *problem) {
   bool touched[GV_BODIES] = {false};
   find_partners(s, problem, partner);
   for (int i = 0; i < s->count; i++) touched[problem->contact[i].body_a] = touched[problem->contact[i].body_b] = true;
+  for (int i = 0; i < problem->row_count; i++) {
+    touched[problem->row[i].body_a] = true;
+    if (problem->row[i].body_b != GV_WORLD) touched[problem->row[i].body_b] = true;
+  }
   s->nodes = s->limbs = 0;
   for (int b = 0; b < problem->body_count; b++) {
     s->node_of[b] = -1;
@@ -132,6 +136,7 @@ bool gv_newton_set_up(gv_newton *s, const gv_problem *problem) {
     const gv_newton_contact *c = &s->contact[i];
     if (c->node_a >= 0 && c->node_b >= 0 && limb_of(s, c) < 0) gv_blocks_link(&s->blocks, c->node_a, c->node_b);
   }
+  gv_newton_rows_set_up(s, problem);
   list_contacts_of_limbs(s);
   mark_lone_contacts(s);
   return gv_blocks_order(&s->blocks);
@@ -322,6 +327,7 @@ static void update_stiffnesses(gv_newton *s, double softening) {
     if (c->node_b >= 0) gv_blocks_change(&s->blocks, c->node_b);
     if (c->mode.state != GV_NEWTON_OPEN) c->stiffness = gv_newton_stiffness(c, softening);
   }
+  gv_newton_rows_mark(s);
 }
 
 static bool assemble(gv_newton *s, bool symmetric) {
@@ -339,6 +345,7 @@ static bool assemble(gv_newton *s, bool symmetric) {
     const gv_newton_contact *c = &s->contact[i];
     if (c->limb < 0 && c->mode.state != GV_NEWTON_OPEN) add_contact(s, c, symmetric);
   }
+  gv_newton_rows_add(s, symmetric);
   return true;
 }
 
@@ -351,6 +358,7 @@ static void respond(const gv_newton *s, gv_newton_contact *c) {
 
 void gv_newton_change_all(gv_newton *s) {
   for (int i = 0; i < s->count; i++) s->contact[i].changed = true;
+  for (int i = 0; i < s->rows; i++) s->row[i].changed = true;
 }
 
 bool gv_newton_solve(gv_newton *s, double softening) {
@@ -360,6 +368,7 @@ bool gv_newton_solve(gv_newton *s, double softening) {
   if (!gv_blocks_solve(&s->blocks, symmetric, s->dv)) return false;
   for (int l = 0; l < s->limbs; l++) substitute_limb(s, &s->limb[l]);
   for (int i = 0; i < s->count; i++) respond(s, &s->contact[i]);
+  gv_newton_rows_respond(s);
   return true;
 }
 

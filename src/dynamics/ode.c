@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// The one file that knows ODE (user guide, ode.org/wiki: "Contact", "Error and memory handling", "World").
+// The file that knows ODE; joints have one of their own, ode_joint.c (user guide, ode.org/wiki: "Contact", "Error and memory handling", "World").
 // One ODE body for each body number, all disabled. A call enables those that a contact names, gives them the
 // problem's positions, velocities without contacts, masses and inertias, steps, and reads their velocities.
 // The inertia is given in world axes with the rotation always the identity; there is no gravity and no
@@ -21,6 +21,7 @@
 #include <string.h>
 
 #include "base/pool.h"
+#include "dynamics/ode_joint.h"
 
 // ODE keeps two step blocks, one for the islands and one for the solver. Dantzig's with 128 contacts (384
 // rows) asks for about 3 MB; the new world takes 0.06 MB of the pool, joints 0.2 MB more.
@@ -236,6 +237,22 @@ static void find_touched(const gv_problem *problem, bool out_touched[GV_BODIES])
     out_touched[c->body_a] = true;
     out_touched[c->body_b] = problem->body[c->body_b].mass > 0.0;
   }
+  for (int i = 0; i < problem->joint_count; i++) {
+    const gv_problem_joint *j = &problem->joint[i];
+    if (j->row_count == 0) continue;
+    out_touched[j->body_a] = true;
+    if (j->body_b != GV_WORLD) out_touched[j->body_b] = problem->body[j->body_b].mass > 0.0;
+  }
+}
+
+static void put_joints(gv_ode *o, const gv_problem *problem, const bool touched[GV_BODIES]) {
+  for (int i = 0; i < problem->joint_count; i++) {
+    const gv_problem_joint *j = &problem->joint[i];
+    if (j->row_count == 0) continue;
+    const bool b_moves = j->body_b != GV_WORLD && touched[j->body_b];
+    dBodyID b = b_moves ? o->body[j->body_b] : NULL;
+    gv_ode_put_joint(o->world, o->contacts, o->body[j->body_a], b, problem, j);
+  }
 }
 
 static bool step_world(gv_ode *o, const gv_problem *problem, const gv_ode_method *method,
@@ -243,6 +260,7 @@ static bool step_world(gv_ode *o, const gv_problem *problem, const gv_ode_method
   for (int i = 0; i < problem->body_count; i++)
     if (touched[i]) put_body(o, i, &problem->body[i]);
   for (int i = 0; i < problem->contact_count; i++) put_contact(o, problem, method, i);
+  put_joints(o, problem, touched);
   dRandSetSeed(1);  // QuickStep shuffles its rows: the same way in every call
   if (method->iterations == 0) return dWorldStep(o->world, problem->step_s);
   dWorldSetQuickStepNumIterations(o->world, method->iterations);

@@ -2,11 +2,14 @@
 // The contact problem of one step: all that a contact solver may know. Find the velocities v of the bodies
 // and the impulses x of the contacts, on body a, with
 //
-//   M (v - v_free) = J^T x                 each body by the impulses on it
+//   M (v - v_free) = J^T x + G^T y         each body by the impulses on it
 //   u = J v                                of a over b at each contact, in the contact's frame (n, t1, t2)
 //   0 <= x_n | u_n + c_n x_n - target >= 0 one of the two is zero
 //   c_t x_t + u_t = 0                      where friction holds (sticking); else (sliding) x_t is at its
 //                                          bound and opposes c_t x_t + u_t
+//
+//   low <= y <= high, g = G v              rows of joints: g + c y = target where y is inside its bounds,
+//                                          no less than target at low, no more at high
 //
 // Bound of friction: |x_t| <= mu x_n (Coulomb's law), or |x_t1|, |x_t2| <= limit (a fixed limit, Eqn 10 as
 // ODE means it). With target = erp depth / h and c = cfm / h a row is the one that ODE calls by its ERP and
@@ -17,6 +20,7 @@
 
 #include <stdbool.h>
 
+#include "base/body_state.h"
 #include "gloved/engine.h"
 
 // A body in world axes. Numbers 0 to GV_LIMBS - 1 are limbs, whose inertia is the same about every axis.
@@ -39,12 +43,42 @@ typedef struct gv_problem_contact {
   double friction_limit;    // of each tangent, N s, with a fixed limit; else 0
 } gv_problem_contact;
 
+// One scalar condition between two bodies: velocity of a against b along a direction at a point, or about it.
+typedef struct gv_problem_row {
+  int body_a, body_b;       // a moves; b: GV_WORLD, or any other
+  bool turns;               // about the direction, else along it
+  gv_vec3 direction;        // unit, world
+  gv_vec3 arm_a, arm_b;     // from each body's centre to the point, m; not of one that turns
+  double target_velocity;   // m/s or rad/s
+  double compliance;        // m/s for 1 N s, or rad/s for 1 N m s; above 0
+  double low, high;         // bounds of the impulse on a, N s or N m s; may be infinite
+  int slot;                 // the same row has the same number in every step: below GV_MAX_ROWS
+} gv_problem_row;
+
+// A joint as it stands in this step, for whoever has joints of their own; its rows say the same.
+typedef struct gv_problem_joint {
+  const gv_joint *joint;
+  int body_a, body_b;       // b: or GV_WORLD
+  gv_pose T_world_a, T_world_b; // the joint's frame as each body carries it
+  double position;          // of hinge and slider
+  int row_first, row_count;
+} gv_problem_joint;
+
+enum {
+  GV_JOINT_HELD = 6,        // rows that hold a joint together, at most
+  GV_JOINT_ROWS = 9,        // with limit, friction and spring
+  GV_MAX_ROWS = GV_MAX_JOINTS * GV_JOINT_ROWS
+};
+
 typedef struct gv_problem {
   double step_s;            // h
   double budget_s;          // time that one solver may take, reckoned in operations, never by a clock
   int body_count, contact_count;
   gv_problem_body body[GV_BODIES];
   gv_problem_contact contact[GV_MAX_CONTACTS];
+  int joint_count, row_count;
+  gv_problem_joint joint[GV_MAX_JOINTS];
+  gv_problem_row row[GV_MAX_ROWS];
 } gv_problem;
 
 // Of one body after the step.
@@ -64,5 +98,16 @@ typedef struct gv_dynamics_contact {
 // `contact` became the problem's i-th.
 void gv_problem_set_contacts(gv_problem *problem, const gv_config *cfg,
                              const gv_dynamics_contact contact[], int count, int out_index[]);
+
+// The law of joints (joint.c): states those of the scene that are not broken as rows. state: of every body, with
+// poses of this step; the problem's bodies and step are there already.
+void gv_problem_set_joints(gv_problem *problem, const gv_config *cfg, const gv_scene *scene,
+                           const gv_body_state state[], const bool broken[GV_MAX_JOINTS]);
+// The part of a position error that a step takes back, as ODE has it.
+#define GV_JOINT_ERP 0.2
+// Force across a joint of this step, N: of the rows that hold its bodies together, from the answer's velocities.
+double gv_problem_joint_force(const gv_problem *problem, int joint, const gv_velocity velocity[]);
+// Position of a hinge (rad, -pi to pi) or slider (m); 0 of the others.
+double gv_joint_position(const gv_joint *joint, gv_pose T_world_a, gv_pose T_world_b);
 
 #endif

@@ -168,7 +168,9 @@ void gv_engine_put_to_rest(gv_engine *e) {
   for (int i = 0; i < e->rest.moving_count; i++) {
     const int o = e->rest.moving[i];
     const gv_body_state *s = gv_dynamics_state(e->dyn, GV_LIMBS + o);
-    if (!gv_rest_lies_still(&e->rest, &e->broad, e->placed, o, s, enough)) continue;
+    // One in a joint goes on: it may be pushed by way of the other.
+    const int steps = e->in_joint[o] ? INT_MAX : enough;
+    if (!gv_rest_lies_still(&e->rest, &e->broad, e->placed, o, s, steps)) continue;
     gv_dynamics_set_rest(e->dyn, GV_LIMBS + o, true);
   }
 }

@@ -56,6 +56,14 @@ size_t gv_engine_size(const gv_config *cfg, const gv_scene *scene) {
   return dry.peak;
 }
 
+static void note_joints(gv_engine *e) {
+  for (int i = 0; i < e->scene->joint_count; i++) {
+    const gv_joint *joint = &e->scene->joint[i];
+    e->in_joint[joint->object_a] = true;
+    if (joint->object_b != GV_WORLD) e->in_joint[joint->object_b] = true;
+  }
+}
+
 // A share of the loop's period, in counted operations.
 static int budget_of(const gv_config *cfg) {
   const double period_s = cfg->period_s > 0.0 ? cfg->period_s : cfg->step_s;
@@ -69,6 +77,7 @@ gv_engine *gv_engine_init(void *mem, size_t size, const gv_config *cfg, const gv
   gv_arena_init(&arena, mem, size);
   if (!put_engine(&arena, cfg, scene, &e)) return NULL;
   make_limbs(e);
+  note_joints(e);
   gv_broad_init(&e->broad, cfg->step_s, cfg->contact_margin_m);
   e->collision_budget = budget_of(cfg);
   e->effort = (gv_effort){1.0, GV_MAX_CONTACTS};
@@ -101,6 +110,7 @@ void gv_engine_reset(gv_engine *e) {
   memset(e->felt_t, 0, sizeof e->felt_t);
   gv_dynamics_park_limbs(e->dyn, true);
   gv_dynamics_forget(e->dyn);
+  gv_dynamics_mend_joints(e->dyn);
   for (int o = 0; o < e->scene->object_count; o++) gv_engine_wake_object(e, o);
   for (int o = 0; o < e->scene->object_count; o++)
     gv_dynamics_set_state(e->dyn, GV_LIMBS + o, &(gv_body_state){.T = e->scene->object[o].T_world_body});
@@ -186,7 +196,7 @@ static void count_step(gv_engine *e, gv_solver_report report) {
     case GV_SOLVER_DANTZIG: c->dantzig_steps++; break;
     case GV_SOLVER_QUICKSTEP: c->quickstep_steps++; break;
     case GV_SOLVER_AUTO:
-    case GV_SOLVERS: c->unsolved_steps += e->contact_count > 0; break;
+    case GV_SOLVERS: c->unsolved_steps += e->contact_count + e->scene->joint_count > 0; break;
   }
   c->newton_softened += report.outcome == GV_OUTCOME_SOFTENED;
   c->dantzig_lagged += report.outcome == GV_OUTCOME_LAGGED;
@@ -198,6 +208,9 @@ static void solve(gv_engine *e) {
   count_step(e, gv_dynamics_step(e->dyn, e->solver_contact, e->contact_count, force));
   for (int i = 0; i < e->contact_count; i++) e->contact[i].force_world = force[i];
   e->counters.solver_errors = gv_dynamics_solver_errors(e->dyn);
+  const int broken = gv_dynamics_joints_broken(e->dyn);
+  e->counters.joints_broken += (uint64_t)broken;
+  if (broken > 0) e->events |= GV_EVENT_JOINT_BROKEN;
 }
 
 static bool state_sound(const gv_body_state *s) {  // what is not finite is not less
@@ -212,13 +225,29 @@ static void put_back(gv_engine *e, int body, const gv_pose *T_start) {
   e->counters.body_resets++;
 }
 
+// An object, and all that joints hold to it: one of them at its start and the other elsewhere would be thrown together.
+static void put_back_object(gv_engine *e, int object) {
+  bool goes_back[GV_MAX_OBJECTS] = {false};
+  goes_back[object] = true;
+  for (int round = 0; round < e->scene->joint_count; round++) {
+    for (int i = 0; i < e->scene->joint_count; i++) {
+      const gv_joint *joint = &e->scene->joint[i];
+      if (joint->object_b == GV_WORLD) continue;
+      if (goes_back[joint->object_a] || goes_back[joint->object_b])
+        goes_back[joint->object_a] = goes_back[joint->object_b] = true;
+    }
+  }
+  for (int o = 0; o < e->scene->object_count; o++)
+    if (goes_back[o]) put_back(e, GV_LIMBS + o, &e->scene->object[o].T_world_body);
+}
+
 static void guard_states(gv_engine *e) {
   const gv_body_state *limb = gv_dynamics_state(e->dyn, 0), *object = gv_dynamics_state(e->dyn, GV_LIMBS);
   for (int i = 0; i < GV_LIMBS; i++)
     if (!state_sound(&limb[i])) put_back(e, i, &e->driver[i].T);
   for (int i = 0; i < e->rest.moving_count; i++) {
     const int o = e->rest.moving[i];
-    if (!state_sound(&object[o])) put_back(e, GV_LIMBS + o, &e->scene->object[o].T_world_body);
+    if (!state_sound(&object[o])) put_back_object(e, o);
   }
 }
 

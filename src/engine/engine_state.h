@@ -28,6 +28,7 @@ struct gv_engine {
   gv_vec3 felt_f[GV_LIMBS], felt_t[GV_LIMBS]; // by the person at the end of the last step: the opposite of the coupling
   bool placed;
   gv_broad broad;                      // bounds of this step, pairs, warm starts
+  bool in_joint[GV_MAX_OBJECTS];
   gv_rest rest;                        // which objects are simulated
   gv_queue queue;                      // pairs of this step in the order in which they are asked
   int collision_budget;                // operations that the pairs of a step may take

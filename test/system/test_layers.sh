@@ -28,7 +28,7 @@ wall core_has_no_clock_or_thread '<(time|pthread|threads|signal|sched)\.h>|\b(cl
 wall core_has_no_library_trigonometry '\b(sin|cos|tan|asin|acos|atan|atan2|exp|log|pow|cbrt|hypot|fmod|sincos)[[:space:]]*\(' $core
 wall core_knows_no_process_or_driver '#include "(daemon|drivers|wire)/|#include "gloved/(drivers|frame|fcu)\.h"' $core
 wall drivers_know_no_engine '#include "gloved/(engine|narrow|scene|shape|safety)\.h"|"(hand|collision|dynamics|safety|engine|daemon)/' $drivers
-only one_file_knows_ode '#include <ode/' 'src/dynamics/ode\.c'
+only one_file_knows_ode '#include <ode/' 'src/dynamics/ode(_joint\.[ch]|\.c)'
 only one_file_knows_ccd '#include <ccd/' 'src/collision/libccd\.c'
 only one_file_knows_lcm '#include <lcm/|#include "gloved_.*_t\.h"' 'src/daemon/tell/telemetry\.c|tools/gloved-(top|command)\.c'
 only one_file_knows_libconfig '#include <libconfig' 'src/daemon/load/conf\.c'

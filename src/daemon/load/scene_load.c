@@ -11,6 +11,7 @@
 #include "daemon/load/conf.h"
 #include "daemon/load/scene_check.h"
 #include "daemon/load/scene_friction.h"
+#include "daemon/load/scene_joint.h"
 
 #define MAX_COORDINATE_M 10.0    // a scene fits a room; more is a file in millimetres
 #define MAX_DISTANCE_M 40.0      // of an object from the origin along each axis; the engine puts bodies back at 100 m
@@ -414,11 +415,13 @@ static void read_scene(loader *l, gv_conf *conf) {
   gv_conf_node objects;
   need_list(&root, "objects", "objects = ( { name = ...; }, ... );", &objects);
   gv_materials_read(&l->materials, &root, l->arena, &l->scene);
+  gv_conf_node joints = gv_joints_find(&root);
   gv_conf_leave(&root);
   if (conf->failed) return;
   count_scene(&l->scene, objects);
   if (conf->failed || !allocate(l, objects)) return;
   for (int i = 0; i < l->scene.object_count && !conf->failed; i++) read_object(l, gv_conf_entry(objects, i));
+  if (!conf->failed) gv_joints_read(joints, l->arena, &l->scene);
 }
 
 static int load(gv_conf *conf, gv_arena *arena, gv_scene *out) {

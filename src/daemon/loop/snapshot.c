@@ -89,6 +89,7 @@ static const char *engine_event_text(uint32_t bit) {
     case GV_EVENT_BODY_RESET: return "a body's state was not finite or ran away: put back";
     case GV_EVENT_OVERLAP: return "penetration beyond a limb's radius";
     case GV_EVENT_PAIRS_LEFT_OVER: return "too many pairs for the period: the least urgent left for the next step";
+    case GV_EVENT_JOINT_BROKEN: return "a joint broke: it carried more than its break_force";
     case GV_EVENT_QUICKSTEP: return "a hard contact problem: quickstep did the step";
   }
   return "unknown event";
