@@ -17,9 +17,9 @@
 // Limits swing where contacts share a load in many ways. So from DAMPED_FROM on they move halfway; where no
 // contact is new they do so at once, and a few rounds are enough, for the next step goes on with them.
 enum { ROUNDS = 8, ROUNDS_KNOWN = 3, DAMPED_FROM = 3 };
-enum { MOST_ROWS = 3 * 128 };                // of an island: what the step memory is made for
-static const double agree_n_s = 1e-8;        // limits that differ by less are the same,
-static const double agree_share = 5e-4;      // or by less than this share of mu x_n
+enum { MOST_ROWS = 3 * 128 };            // of an island: what the step memory is made for
+static const double agree_n_s = 1e-8;    // limits that differ by less are the same,
+static const double agree_share = 5e-4;  // or by less than this share of mu x_n
 
 typedef struct guess {
   int body_a, body_b;
@@ -28,9 +28,9 @@ typedef struct guess {
 
 typedef struct gv_dantzig {
   gv_ode *ode;
-  guess last[GV_MAX_CONTACTS];               // the last step's contacts
+  guess last[GV_MAX_CONTACTS];  // the last step's contacts
   int last_count;
-  gv_ode_limit limit[GV_MAX_CONTACTS];       // of this step's
+  gv_ode_limit limit[GV_MAX_CONTACTS];  // of this step's
 } gv_dantzig;
 
 // ---- cost -----------------------------------------------------------------------------------------
@@ -44,7 +44,8 @@ static int find_root(uint8_t *parent, int i) {
 }
 
 static void join(const gv_problem *problem, uint8_t *parent, int a, int b) {
-  if (b == GV_WORLD || !(problem->body[b].mass > 0.0)) return;
+  if (b == GV_WORLD || !(problem->body[b].mass > 0.0))
+    return;
   const int root = find_root(parent, a);
   parent[root] = (uint8_t)find_root(parent, b);
 }
@@ -53,13 +54,17 @@ static void join(const gv_problem *problem, uint8_t *parent, int a, int b) {
 // halving.
 static void count_islands(const gv_problem *problem, int out_rows[GV_BODIES]) {
   uint8_t parent[GV_BODIES];
-  for (int i = 0; i < GV_BODIES; i++) parent[i] = (uint8_t)i;
+  for (int i = 0; i < GV_BODIES; i++)
+    parent[i] = (uint8_t)i;
   memset(out_rows, 0, GV_BODIES * sizeof *out_rows);
   for (int i = 0; i < problem->contact_count; i++)
     join(problem, parent, problem->contact[i].body_a, problem->contact[i].body_b);
-  for (int i = 0; i < problem->row_count; i++) join(problem, parent, problem->row[i].body_a, problem->row[i].body_b);
-  for (int i = 0; i < problem->contact_count; i++) out_rows[find_root(parent, problem->contact[i].body_a)] += 3;
-  for (int i = 0; i < problem->row_count; i++) out_rows[find_root(parent, problem->row[i].body_a)]++;
+  for (int i = 0; i < problem->row_count; i++)
+    join(problem, parent, problem->row[i].body_a, problem->row[i].body_b);
+  for (int i = 0; i < problem->contact_count; i++)
+    out_rows[find_root(parent, problem->contact[i].body_a)] += 3;
+  for (int i = 0; i < problem->row_count; i++)
+    out_rows[find_root(parent, problem->row[i].body_a)]++;
 }
 
 // Of one round, as bodies jammed into each other need it (99 of 100 of them; a grasp needs a sixth): 4 us a row (12
@@ -70,7 +75,8 @@ static double round_cost_s(const gv_problem *problem) {
   count_islands(problem, count);
   for (int i = 0; i < problem->body_count; i++) {
     const double rows = count[i];
-    if (count[i] > MOST_ROWS) return HUGE_VAL;
+    if (count[i] > MOST_ROWS)
+      return HUGE_VAL;
     sum += 4e-6 * rows + 5e-10 * rows * rows * rows;
   }
   return sum;
@@ -91,7 +97,8 @@ static bool take_guess(gv_dantzig *s, const gv_problem *problem) {
     const gv_problem_contact *c = &problem->contact[i];
     s->limit[i].along[0] = s->limit[i].along[1] = GV_ODE_OWN_LAW;
     int k = 0;
-    while (k < s->last_count && (used[k] || !is_of(&s->last[k], c))) k++;
+    while (k < s->last_count && (used[k] || !is_of(&s->last[k], c)))
+      k++;
     if (k < s->last_count) {
       used[k] = true;
       s->limit[i] = s->last[k].limit;
@@ -110,14 +117,16 @@ static void keep_guess(gv_dantzig *s, const gv_problem *problem) {
 static gv_vec3 slip(const gv_problem *problem, const gv_problem_contact *c, const gv_velocity velocity[]) {
   const gv_velocity *a = &velocity[c->body_a];
   const gv_vec3 u = gv_add(a->v, gv_cross(a->w, gv_sub(c->point, problem->body[c->body_a].p)));
-  if (!(problem->body[c->body_b].mass > 0.0)) return u;
+  if (!(problem->body[c->body_b].mass > 0.0))
+    return u;
   const gv_velocity *b = &velocity[c->body_b];
   return gv_sub(u, gv_add(b->v, gv_cross(b->w, gv_sub(c->point, problem->body[c->body_b].p))));
 }
 
 static gv_ode_limit limit_of(const gv_problem *problem, const gv_problem_contact *c,
                              const gv_velocity velocity[], gv_vec3 impulse) {
-  if (c->friction == GV_FRICTION_FIXED_LIMIT) return (gv_ode_limit){{GV_ODE_OWN_LAW, GV_ODE_OWN_LAW}};
+  if (c->friction == GV_FRICTION_FIXED_LIMIT)
+    return (gv_ode_limit){{GV_ODE_OWN_LAW, GV_ODE_OWN_LAW}};
   const double mass_a = problem->body[c->body_a].mass;
   const double mass_b = problem->body[c->body_b].mass;
   const double rho = mass_b > 0.0 ? mass_a * mass_b / (mass_a + mass_b) : mass_a;
@@ -126,7 +135,8 @@ static gv_ode_limit limit_of(const gv_problem *problem, const gv_problem_contact
   const double y1 = fabs(gv_dot(c->frame[1], y));
   const double y2 = fabs(gv_dot(c->frame[2], y));
   const double length = sqrt(y1 * y1 + y2 * y2);
-  if (length <= bound) return (gv_ode_limit){{bound, bound}};
+  if (length <= bound)
+    return (gv_ode_limit){{bound, bound}};
   return (gv_ode_limit){{bound * y1 / length, bound * y2 / length}};
 }
 
@@ -142,7 +152,8 @@ static bool set_limits(gv_dantzig *s, const gv_problem *problem, bool damp, cons
     const gv_ode_limit was = s->limit[i];
     const gv_ode_limit now = limit_of(problem, &problem->contact[i], velocity, impulse[i]);
     const double off = fmax(fabs(now.along[0] - was.along[0]), fabs(now.along[1] - was.along[1]));
-    if (off > agree_n_s + agree_share * fmax(now.along[0], now.along[1])) agree = false;
+    if (off > agree_n_s + agree_share * fmax(now.along[0], now.along[1]))
+      agree = false;
     s->limit[i] = damp ? halfway(was, now) : now;
   }
   return agree;
@@ -152,7 +163,8 @@ static bool set_limits(gv_dantzig *s, const gv_problem *problem, bool damp, cons
 
 static bool has_coulomb(const gv_problem *problem) {
   for (int i = 0; i < problem->contact_count; i++)
-    if (problem->contact[i].friction != GV_FRICTION_FIXED_LIMIT) return true;
+    if (problem->contact[i].friction != GV_FRICTION_FIXED_LIMIT)
+      return true;
   return false;
 }
 
@@ -161,12 +173,14 @@ static gv_outcome solve(void *memory, const gv_problem *problem, gv_velocity out
   gv_dantzig *s = memory;
   const bool known = take_guess(s, problem) || !has_coulomb(problem);
   const double fit = problem->budget_s / round_cost_s(problem);
-  if (fit < (known ? 1 : 2)) return GV_OUTCOME_NONE;
+  if (fit < (known ? 1 : 2))
+    return GV_OUTCOME_NONE;
   const int rounds = (int)fmin(fit, known ? ROUNDS_KNOWN : ROUNDS);
   const gv_ode_method method = {.limit = s->limit};
   bool agree = false;
   for (int round = 0; round < rounds && !agree; round++) {
-    if (!gv_ode_solve(s->ode, problem, &method, out_velocity, out_impulse)) return GV_OUTCOME_NONE;
+    if (!gv_ode_solve(s->ode, problem, &method, out_velocity, out_impulse))
+      return GV_OUTCOME_NONE;
     agree = set_limits(s, problem, known || round >= DAMPED_FROM, out_velocity, out_impulse);
   }
   keep_guess(s, problem);

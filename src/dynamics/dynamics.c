@@ -17,12 +17,12 @@ struct gv_dynamics {
   bool broken[GV_MAX_JOINTS];
   gv_bodies bodies;
   gv_choice choice;
-  gv_problem problem;              // of this step
-  int index[GV_MAX_CONTACTS];      // of the problem's contacts among those given
-  gv_velocity velocity[GV_BODIES]; // after the step, first without contacts
+  gv_problem problem;               // of this step
+  int index[GV_MAX_CONTACTS];       // of the problem's contacts among those given
+  gv_velocity velocity[GV_BODIES];  // after the step, first without contacts
   gv_vec3 impulse[GV_MAX_CONTACTS];
-  int joints_broken;               // in the last step
-  unsigned warm_up_errors;         // the warm-up's contacts make no sense to a solver
+  int joints_broken;        // in the last step
+  unsigned warm_up_errors;  // the warm-up's contacts make no sense to a solver
 };
 
 gv_dynamics *gv_dynamics_create(gv_arena *arena, const gv_config *cfg, const gv_scene *scene,
@@ -42,7 +42,8 @@ gv_dynamics *gv_dynamics_create(gv_arena *arena, const gv_config *cfg, const gv_
 }
 
 void gv_dynamics_destroy(gv_dynamics *dyn) {
-  if (dyn) gv_choice_close(&dyn->choice);
+  if (dyn)
+    gv_choice_close(&dyn->choice);
 }
 
 void gv_dynamics_warm_up(gv_dynamics *dyn) {
@@ -61,13 +62,15 @@ void gv_dynamics_set_limb(gv_dynamics *dyn, int limb, const gv_spring *spring, d
 }
 
 void gv_dynamics_park_limbs(gv_dynamics *dyn, bool parked) {
-  for (int i = 0; i < GV_LIMBS; i++) dyn->bodies.body[i].stands = parked;
+  for (int i = 0; i < GV_LIMBS; i++)
+    dyn->bodies.body[i].stands = parked;
 }
 
 void gv_dynamics_set_rest(gv_dynamics *dyn, int body, bool rest) {
   assert(body >= GV_LIMBS && body < dyn->bodies.count);
   gv_body_state *s = &dyn->bodies.state[body];
-  if (rest) s->v = s->w = gv_v3(0, 0, 0);
+  if (rest)
+    s->v = s->w = gv_v3(0, 0, 0);
   dyn->bodies.body[body].stands = rest;
 }
 
@@ -99,7 +102,8 @@ gv_joint_state gv_dynamics_joint(const gv_dynamics *dyn, int joint) {
   const gv_joint *k = &dyn->scene->joint[joint];
   const gv_body_state *object = &dyn->bodies.state[GV_LIMBS];
   gv_pose T_world_b = k->T_b_joint;
-  if (k->object_b != GV_WORLD) T_world_b = gv_pose_mul(object[k->object_b].T, k->T_b_joint);
+  if (k->object_b != GV_WORLD)
+    T_world_b = gv_pose_mul(object[k->object_b].T, k->T_b_joint);
   const gv_pose T_world_a = gv_pose_mul(object[k->object_a].T, k->T_a_joint);
   gv_joint_state out = {.position = gv_joint_position(k, T_world_a, T_world_b), .broken = dyn->broken[joint]};
   if (!out.broken && joint < dyn->problem.joint_count)
@@ -135,9 +139,11 @@ static void stop_touched(gv_dynamics *dyn) {
   }
   for (int i = 0; i < dyn->problem.joint_count; i++) {
     const gv_problem_joint *j = &dyn->problem.joint[i];
-    if (j->row_count == 0) continue;
+    if (j->row_count == 0)
+      continue;
     dyn->velocity[j->body_a] = none;
-    if (j->body_b != GV_WORLD) dyn->velocity[j->body_b] = none;
+    if (j->body_b != GV_WORLD)
+      dyn->velocity[j->body_b] = none;
   }
 }
 
@@ -146,8 +152,10 @@ static int break_joints(gv_dynamics *dyn) {
   int count = 0;
   for (int i = 0; i < dyn->problem.joint_count; i++) {
     const double most = dyn->scene->joint[i].break_force_n;
-    if (!(most > 0.0) || dyn->broken[i]) continue;
-    if (!(gv_problem_joint_force(&dyn->problem, i, dyn->velocity) > most)) continue;
+    if (!(most > 0.0) || dyn->broken[i])
+      continue;
+    if (!(gv_problem_joint_force(&dyn->problem, i, dyn->velocity) > most))
+      continue;
     dyn->broken[i] = true;
     count++;
   }
@@ -159,7 +167,8 @@ gv_solver_report gv_dynamics_step(gv_dynamics *dyn, const gv_dynamics_contact co
   const double h = dyn->cfg->step_s;
   state_problem(dyn, contact, count);
   const gv_solver_report report = gv_choice_solve(&dyn->choice, &dyn->problem, dyn->velocity, dyn->impulse);
-  if (report.outcome == GV_OUTCOME_NONE) stop_touched(dyn);
+  if (report.outcome == GV_OUTCOME_NONE)
+    stop_touched(dyn);
   memset(out_force, 0, sizeof *out_force * (size_t)count);
   for (int i = 0; i < dyn->problem.contact_count && report.outcome != GV_OUTCOME_NONE; i++)
     out_force[dyn->index[i]] = gv_scale(dyn->impulse[i], 1.0 / h);

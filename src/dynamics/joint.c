@@ -20,11 +20,14 @@ enum { SLOT_ALONG = 0, SLOT_ABOUT = 3, SLOT_LIMIT = GV_JOINT_HELD, SLOT_FRICTION
 static gv_vec3 axis_of(gv_quat q) { return gv_rotate(q, gv_v3(1, 0, 0)); }
 
 double gv_joint_position(const gv_joint *joint, gv_pose T_world_a, gv_pose T_world_b) {
-  if (joint->kind == GV_JOINT_SLIDER) return gv_dot(axis_of(T_world_b.q), gv_sub(T_world_a.p, T_world_b.p));
-  if (joint->kind != GV_JOINT_HINGE) return 0.0;
+  if (joint->kind == GV_JOINT_SLIDER)
+    return gv_dot(axis_of(T_world_b.q), gv_sub(T_world_a.p, T_world_b.p));
+  if (joint->kind != GV_JOINT_HINGE)
+    return 0.0;
   const gv_quat q = gv_quat_mul(gv_quat_conj(T_world_b.q), T_world_a.q);
   const double angle = 2.0 * gv_atan2(q.x, q.w);
-  if (angle > GV_PI) return angle - 2.0 * GV_PI;
+  if (angle > GV_PI)
+    return angle - 2.0 * GV_PI;
   return angle < -GV_PI ? angle + 2.0 * GV_PI : angle;
 }
 
@@ -47,8 +50,12 @@ static gv_problem_row *add_row(gv_problem *problem, gv_problem_joint *j, int pla
   gv_problem_row *row = &problem->row[problem->row_count++];
   const int number = (int)(j - problem->joint);
   j->row_count++;
-  *row = (gv_problem_row){.body_a = j->body_a, .body_b = j->body_b, .direction = direction,
-                          .low = -no_bound, .high = no_bound, .slot = number * GV_JOINT_ROWS + place};
+  *row = (gv_problem_row){.body_a = j->body_a,
+                          .body_b = j->body_b,
+                          .direction = direction,
+                          .low = -no_bound,
+                          .high = no_bound,
+                          .slot = number * GV_JOINT_ROWS + place};
   return row;
 }
 
@@ -85,7 +92,8 @@ static const gv_vec3 world_axis[3] = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}};
 static void hold_point(gv_problem *problem, const gv_config *cfg, gv_problem_joint *j) {
   const gv_vec3 error = gv_sub(j->T_world_b.p, j->T_world_a.p);
   for (int k = 0; k < 3; k++) {
-    gv_problem_row *row = add_along(problem, j, SLOT_ALONG + k, world_axis[k], j->T_world_a.p, j->T_world_b.p);
+    gv_problem_row *row = add_along(problem, j, SLOT_ALONG + k, world_axis[k], j->T_world_a.p,
+                                    j->T_world_b.p);
     hold(row, cfg, gv_dot(error, world_axis[k]));
   }
 }
@@ -119,7 +127,8 @@ static void hold_line(gv_problem *problem, const gv_config *cfg, gv_problem_join
 
 static gv_problem_row *add_on_axis(gv_problem *problem, gv_problem_joint *j, int place) {
   const gv_vec3 axis = axis_of(j->T_world_b.q);
-  if (j->joint->kind == GV_JOINT_HINGE) return add_about(problem, j, place, axis);
+  if (j->joint->kind == GV_JOINT_HINGE)
+    return add_about(problem, j, place, axis);
   return add_along(problem, j, place, axis, j->T_world_a.p, j->T_world_a.p);
 }
 
@@ -131,7 +140,8 @@ static void limit_position(gv_problem *problem, const gv_config *cfg, gv_problem
   const double gap = is_low ? above_low : below_high;
   gv_problem_row *row = add_on_axis(problem, j, SLOT_LIMIT);
   hold(row, cfg, -gap);
-  if (gap > 0.0) row->target_velocity = -gap / cfg->step_s;
+  if (gap > 0.0)
+    row->target_velocity = -gap / cfg->step_s;
   if (is_low) {
     row->low = 0.0;
   } else {
@@ -150,7 +160,7 @@ static void rub(gv_problem *problem, const gv_config *cfg, gv_problem_joint *j) 
 static void pull_by_spring(gv_problem *problem, const gv_config *cfg, gv_problem_joint *j) {
   const double h = cfg->step_s;
   const double stiffness = j->joint->spring_stiffness;
-  const double all = h * stiffness + j->joint->spring_damping; // impulse of a step for 1 m/s, over h
+  const double all = h * stiffness + j->joint->spring_damping;  // impulse of a step for 1 m/s, over h
   gv_problem_row *row = add_on_axis(problem, j, SLOT_SPRING);
   row->compliance = 1.0 / (h * all);
   row->target_velocity = stiffness / all * (j->joint->spring_rest - j->position);
@@ -158,9 +168,12 @@ static void pull_by_spring(gv_problem *problem, const gv_config *cfg, gv_problem
 
 static void state_axis(gv_problem *problem, const gv_config *cfg, gv_problem_joint *j) {
   const gv_joint *joint = j->joint;
-  if (joint->has_limits) limit_position(problem, cfg, j);
-  if (joint->friction > 0.0) rub(problem, cfg, j);
-  if (joint->spring_stiffness > 0.0 || joint->spring_damping > 0.0) pull_by_spring(problem, cfg, j);
+  if (joint->has_limits)
+    limit_position(problem, cfg, j);
+  if (joint->friction > 0.0)
+    rub(problem, cfg, j);
+  if (joint->spring_stiffness > 0.0 || joint->spring_damping > 0.0)
+    pull_by_spring(problem, cfg, j);
 }
 
 // ---- all together ---------------------------------------------------------------------------------
@@ -172,9 +185,7 @@ static void state_joint(gv_problem *problem, const gv_config *cfg, gv_problem_jo
       hold_point(problem, cfg, j);
       hold_orientation(problem, cfg, j);
       return;
-    case GV_JOINT_BALL:
-      hold_point(problem, cfg, j);
-      return;
+    case GV_JOINT_BALL: hold_point(problem, cfg, j); return;
     case GV_JOINT_HINGE:
       hold_point(problem, cfg, j);
       hold_axis(problem, cfg, j);
@@ -196,7 +207,8 @@ void gv_problem_set_joints(gv_problem *problem, const gv_config *cfg, const gv_s
   for (int i = 0; i < scene->joint_count; i++) {
     gv_problem_joint *j = &problem->joint[i];
     *j = place_joint(&scene->joint[i], state);
-    if (!broken[i] && problem->body[j->body_a].mass > 0.0) state_joint(problem, cfg, j);
+    if (!broken[i] && problem->body[j->body_a].mass > 0.0)
+      state_joint(problem, cfg, j);
   }
 }
 
@@ -206,7 +218,8 @@ static double row_velocity(const gv_problem_row *row, const gv_velocity velocity
   static const gv_velocity none;
   const gv_velocity *a = &velocity[row->body_a];
   const gv_velocity *b = row->body_b == GV_WORLD ? &none : &velocity[row->body_b];
-  if (row->turns) return gv_dot(row->direction, gv_sub(a->w, b->w));
+  if (row->turns)
+    return gv_dot(row->direction, gv_sub(a->w, b->w));
   const gv_vec3 at_a = gv_add(a->v, gv_cross(a->w, row->arm_a));
   const gv_vec3 at_b = gv_add(b->v, gv_cross(b->w, row->arm_b));
   return gv_dot(row->direction, gv_sub(at_a, at_b));
@@ -217,7 +230,8 @@ double gv_problem_joint_force(const gv_problem *problem, int joint, const gv_vel
   double sum = 0.0;
   for (int i = j->row_first; i < j->row_first + j->row_count; i++) {
     const gv_problem_row *row = &problem->row[i];
-    if (row->slot % GV_JOINT_ROWS >= SLOT_ABOUT) continue;
+    if (row->slot % GV_JOINT_ROWS >= SLOT_ABOUT)
+      continue;
     const double impulse = (row->target_velocity - row_velocity(row, velocity)) / row->compliance;
     sum += impulse * impulse;
   }

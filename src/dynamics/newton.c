@@ -39,26 +39,21 @@
 #include "dynamics/newton_system.h"
 
 typedef struct stage {
-  double weight;                 // of W in rho: 1 Alart and Curnier's, 0 the plain velocity map
-  double softening;              // factor on the tangent compliance
-  int solves;                    // at most
-  enum { FROM_LAST_STEP, FROM_STAGE_BEFORE } start; // the latter only where that one ended
-  bool damped;                   // halve a step that leads away
+  double weight;     // of W in rho: 1 Alart and Curnier's, 0 the plain velocity map
+  double softening;  // factor on the tangent compliance
+  int solves;        // at most
+  enum { FROM_LAST_STEP, FROM_STAGE_BEFORE } start;  // the latter only where that one ended
+  bool damped;                                       // halve a step that leads away
 } stage;
 
 // Chosen on the recorded grasps and on random problems: of 5,000 nasty ones the first stage ends 98 %, the second 1.4 %, the
 // third 0.5 %, the softened ones all but 2 of the rest: 15 with the compliance asked, 6 with a softer one.
 static const stage programme[] = {
-  {1.0, 1, 16, FROM_LAST_STEP, false},
-  {0.0, 1, 24, FROM_LAST_STEP, true},
-  {0.1, 1, 16, FROM_LAST_STEP, true},
-  {1.0, 1e7, 12, FROM_LAST_STEP, false},
-  {0.33, 1e6, 8, FROM_STAGE_BEFORE, false},
-  {0.33, 1e5, 8, FROM_STAGE_BEFORE, false},
-  {0.33, 1e4, 8, FROM_STAGE_BEFORE, false},
-  {0.33, 1e3, 8, FROM_STAGE_BEFORE, false},
-  {0.33, 1e2, 8, FROM_STAGE_BEFORE, false},
-  {0.33, 1e1, 8, FROM_STAGE_BEFORE, false},
+  {1.0, 1, 16, FROM_LAST_STEP, false},      {0.0, 1, 24, FROM_LAST_STEP, true},
+  {0.1, 1, 16, FROM_LAST_STEP, true},       {1.0, 1e7, 12, FROM_LAST_STEP, false},
+  {0.33, 1e6, 8, FROM_STAGE_BEFORE, false}, {0.33, 1e5, 8, FROM_STAGE_BEFORE, false},
+  {0.33, 1e4, 8, FROM_STAGE_BEFORE, false}, {0.33, 1e3, 8, FROM_STAGE_BEFORE, false},
+  {0.33, 1e2, 8, FROM_STAGE_BEFORE, false}, {0.33, 1e1, 8, FROM_STAGE_BEFORE, false},
   {0.33, 1, 8, FROM_STAGE_BEFORE, false},
 };
 enum { STAGES = sizeof programme / sizeof programme[0], MOST_SOLVES = 100 };
@@ -78,7 +73,8 @@ static int find_guess(const gv_newton *s, const gv_newton_contact *c, const bool
   for (int tried = 0; tried < s->last_count; tried++) {
     const int k = (from + tried) % s->last_count;
     const gv_newton_guess *g = &s->last[k];
-    if (!used[k] && g->body_a == c->body_a && g->body_b == c->body_b) return k;
+    if (!used[k] && g->body_a == c->body_a && g->body_b == c->body_b)
+      return k;
   }
   return -1;
 }
@@ -97,7 +93,8 @@ static void choose_start(gv_newton *s) {
       continue;
     }
     const bool parts = gv_dot(c->free_u, c->normal) > 0.0;
-    c->first = (gv_newton_mode){parts ? GV_NEWTON_OPEN : GV_NEWTON_STICKING, gv_any_perpendicular(c->normal), 0.0};
+    c->first = (gv_newton_mode){parts ? GV_NEWTON_OPEN : GV_NEWTON_STICKING, gv_any_perpendicular(c->normal),
+                                0.0};
   }
 }
 
@@ -114,13 +111,16 @@ static void keep_guess(gv_newton *s) {
 // One that opens or sticks stays as it is whatever the steps rho are, if its own conditions hold.
 static bool stands(const gv_newton_contact *c) {
   const double x_n = gv_dot(c->impulse, c->normal);
-  if (c->mode.state == GV_NEWTON_OPEN) return gv_dot(c->u, c->normal) >= 0.0;
-  if (c->mode.state != GV_NEWTON_STICKING || !(x_n > 0.0)) return false;
+  if (c->mode.state == GV_NEWTON_OPEN)
+    return gv_dot(c->u, c->normal) >= 0.0;
+  if (c->mode.state != GV_NEWTON_STICKING || !(x_n > 0.0))
+    return false;
   return gv_norm2(c->impulse) <= (1.0 + c->mu * c->mu) * x_n * x_n;
 }
 
 static void project_contact(gv_newton *s, gv_newton_contact *c, double weight, double softening) {
-  if (c->inverse_mass_n < 0.0) gv_newton_find_inverse_mass(s, c);
+  if (c->inverse_mass_n < 0.0)
+    gv_newton_find_inverse_mass(s, c);
   const gv_newton_projection p = gv_newton_project(c, weight, softening);
   c->next = p.mode;
   c->residual = p.residual;
@@ -133,9 +133,11 @@ static double project(gv_newton *s, double weight, double softening) {
   for (int i = 0; i < s->count; i++) {
     gv_newton_contact *c = &s->contact[i];
     c->residual = 0.0;
-    if (stands(c)) continue;
+    if (stands(c))
+      continue;
     project_contact(s, c, weight, softening);
-    if (!(c->residual <= worst)) worst = c->residual;
+    if (!(c->residual <= worst))
+      worst = c->residual;
   }
   double merit = 0.0;
   const double rows = gv_newton_rows_project(s, weight, &merit);
@@ -147,22 +149,29 @@ static void adopt_mode(gv_newton_contact *c) {
   const gv_newton_mode was = c->mode;
   c->mode = c->next;
   c->changed = true;
-  if (c->mode.state != GV_NEWTON_SLIDING || was.state != GV_NEWTON_SLIDING) return;
-  if (gv_dot(c->mode.friction_dir, was.friction_dir) < 0.0) c->mode.state = GV_NEWTON_STICKING;
+  if (c->mode.state != GV_NEWTON_SLIDING || was.state != GV_NEWTON_SLIDING)
+    return;
+  if (gv_dot(c->mode.friction_dir, was.friction_dir) < 0.0)
+    c->mode.state = GV_NEWTON_STICKING;
 }
 
-static bool wants_another_state(const gv_newton_contact *c) { return c->residual > 1.0 && c->next.state != c->mode.state; }
+static bool wants_another_state(const gv_newton_contact *c) {
+  return c->residual > 1.0 && c->next.state != c->mode.state;
+}
 
 // Of contacts that want another state the one that is farthest off gets it: the others mostly follow from it, and where
 // all change at once they go in circles. Those that slide on follow their slip.
 static void adopt_modes(gv_newton_contact contact[], int count) {
   double worst = 0.0;
   for (int i = 0; i < count; i++)
-    if (wants_another_state(&contact[i])) worst = fmax(worst, contact[i].residual);
+    if (wants_another_state(&contact[i]))
+      worst = fmax(worst, contact[i].residual);
   for (int i = 0; i < count; i++) {
     gv_newton_contact *c = &contact[i];
-    if (!(c->residual > 1.0)) continue;
-    if (c->next.state == c->mode.state || c->residual >= worst) adopt_mode(c);
+    if (!(c->residual > 1.0))
+      continue;
+    if (c->next.state == c->mode.state || c->residual >= worst)
+      adopt_mode(c);
   }
 }
 
@@ -171,7 +180,8 @@ static void adopt_modes_by_pair(gv_newton *s) {
   int first = 0;
   for (int i = 1; i <= s->count; i++) {
     const gv_newton_contact *c = &s->contact[first];
-    if (i < s->count && s->contact[i].body_a == c->body_a && s->contact[i].body_b == c->body_b) continue;
+    if (i < s->count && s->contact[i].body_a == c->body_a && s->contact[i].body_b == c->body_b)
+      continue;
     adopt_modes(&s->contact[first], i - first);
     first = i;
   }
@@ -214,11 +224,13 @@ static double damp_step(gv_newton *s, const stage *st, double merit_before) {
   for (int i = 0; i < HALVINGS && least > merit_before; i++) {
     t *= 0.5;
     const double merit = go_along_step(s, st, t);
-    if (merit >= least) continue;
+    if (merit >= least)
+      continue;
     least = merit;
     best = t;
   }
-  if (t != best) go_along_step(s, st, best);
+  if (t != best)
+    go_along_step(s, st, best);
   return least;
 }
 
@@ -244,7 +256,8 @@ static double set_up_cost_s(int contacts) { return 1e-6 + 6e-8 * contacts; }
 
 // The first solution of a stage is the dearest, where everything changes: none is begun that would not fit.
 static bool solve_within_budget(gv_newton *s, double softening) {
-  if (s->solves >= MOST_SOLVES || s->time_left_s < solve_cost_s(s->count + s->rows, s->count, s->blocks.work)) return false;
+  if (s->solves >= MOST_SOLVES || s->time_left_s < solve_cost_s(s->count + s->rows, s->count, s->blocks.work))
+    return false;
   s->solves++;
   const bool solved = gv_newton_solve(s, softening);
   s->time_left_s -= solve_cost_s(s->count + s->rows, s->changed, s->blocks.work_done);
@@ -254,10 +267,12 @@ static bool solve_within_budget(gv_newton *s, double softening) {
 // Next modes where the stage's own steps lead. Returns the merit, of damped stages.
 static double choose_next(gv_newton *s, const stage *st, int solve, double merit) {
   if (!st->damped) {
-    if (st->weight < 1.0) project(s, st->weight, st->softening);
+    if (st->weight < 1.0)
+      project(s, st->weight, st->softening);
     return HUGE_VAL;
   }
-  if (solve == 0) begin_next_step_here(s);
+  if (solve == 0)
+    begin_next_step_here(s);
   merit = damp_step(s, st, merit);
   begin_next_step_here(s);
   return merit;
@@ -267,10 +282,13 @@ static bool run_stage(gv_newton *s, const stage *st) {
   double merit = HUGE_VAL;
   gv_newton_change_all(s);
   for (int i = 0; i < st->solves; i++) {
-    if (!solve_within_budget(s, st->softening)) return false;
+    if (!solve_within_budget(s, st->softening))
+      return false;
     const double residual = project(s, 1.0, st->softening);
-    if (residual <= 1.0) return true;
-    if (!isfinite(residual)) return false;
+    if (residual <= 1.0)
+      return true;
+    if (!isfinite(residual))
+      return false;
     merit = choose_next(s, st, i, merit);
     adopt_modes_by_pair(s);
   }
@@ -278,39 +296,53 @@ static bool run_stage(gv_newton *s, const stage *st) {
 }
 
 static void start_stage(gv_newton *s, const stage *st) {
-  if (st->start == FROM_STAGE_BEFORE) return;
-  for (int i = 0; i < s->count; i++) s->contact[i].mode = s->contact[i].first;
-  for (int i = 0; i < s->rows; i++) s->row[i].state = s->row[i].first;
+  if (st->start == FROM_STAGE_BEFORE)
+    return;
+  for (int i = 0; i < s->count; i++)
+    s->contact[i].mode = s->contact[i].first;
+  for (int i = 0; i < s->rows; i++)
+    s->row[i].state = s->row[i].first;
 }
 
 static gv_outcome run_programme(gv_newton *s) {
-  bool going = true;              // the stage before ended
-  s->softening = 0.0;             // none accepted yet
+  bool going = true;   // the stage before ended
+  s->softening = 0.0;  // none accepted yet
   for (s->stage = 0; s->stage < STAGES; s->stage++) {
     const stage *st = &programme[s->stage];
-    if (st->start == FROM_STAGE_BEFORE && !going) continue;
-    if (st->start == FROM_LAST_STEP && s->softening > 0.0) break;
+    if (st->start == FROM_STAGE_BEFORE && !going)
+      continue;
+    if (st->start == FROM_LAST_STEP && s->softening > 0.0)
+      break;
     start_stage(s, st);
     going = run_stage(s, st);
-    if (!going) continue;
+    if (!going)
+      continue;
     s->softening = st->softening;
-    if (st->softening <= 1.0) return GV_OUTCOME_SOLVED;
-    for (int i = 0; i < s->count; i++) s->kept[i] = s->contact[i].mode;
-    for (int i = 0; i < s->rows; i++) s->row[i].kept = s->row[i].state;
+    if (st->softening <= 1.0)
+      return GV_OUTCOME_SOLVED;
+    for (int i = 0; i < s->count; i++)
+      s->kept[i] = s->contact[i].mode;
+    for (int i = 0; i < s->rows; i++)
+      s->row[i].kept = s->row[i].state;
   }
-  if (!(s->softening > 0.0)) return GV_OUTCOME_NONE;
-  for (int i = 0; i < s->count; i++) s->contact[i].mode = s->kept[i];
-  for (int i = 0; i < s->rows; i++) s->row[i].state = s->row[i].kept;
+  if (!(s->softening > 0.0))
+    return GV_OUTCOME_NONE;
+  for (int i = 0; i < s->count; i++)
+    s->contact[i].mode = s->kept[i];
+  for (int i = 0; i < s->rows; i++)
+    s->row[i].state = s->row[i].kept;
   gv_newton_change_all(s);
   return gv_newton_solve(s, s->softening) ? GV_OUTCOME_SOFTENED : GV_OUTCOME_NONE;
 }
 
 // ---- the answer -----------------------------------------------------------------------------------
 
-static gv_outcome solve(void *memory, const gv_problem *problem, gv_velocity out_velocity[], gv_vec3 out_impulse[]) {
+static gv_outcome solve(void *memory, const gv_problem *problem, gv_velocity out_velocity[],
+                        gv_vec3 out_impulse[]) {
   gv_newton *s = memory;
   assert(problem->contact_count <= GV_MAX_CONTACTS && problem->body_count <= GV_BODIES);
-  if (!gv_newton_set_up(s, problem)) return GV_OUTCOME_NONE;
+  if (!gv_newton_set_up(s, problem))
+    return GV_OUTCOME_NONE;
   s->solves = 0;
   s->time_left_s = problem->budget_s - set_up_cost_s(s->count + s->rows);
   choose_start(s);
@@ -318,8 +350,10 @@ static gv_outcome solve(void *memory, const gv_problem *problem, gv_velocity out
   const gv_outcome outcome = run_programme(s);
   keep_guess(s);
   gv_newton_rows_keep(s);
-  if (outcome == GV_OUTCOME_NONE || !gv_newton_tell(s, problem, out_velocity)) return GV_OUTCOME_NONE;
-  for (int i = 0; i < s->count; i++) out_impulse[i] = s->contact[i].impulse;
+  if (outcome == GV_OUTCOME_NONE || !gv_newton_tell(s, problem, out_velocity))
+    return GV_OUTCOME_NONE;
+  for (int i = 0; i < s->count; i++)
+    out_impulse[i] = s->contact[i].impulse;
   return outcome;
 }
 

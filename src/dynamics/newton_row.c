@@ -7,7 +7,7 @@
 
 #include "dynamics/newton.h"
 
-static const double least_tolerance = 2e-10;   // N s or N m s: two impulses that differ by less are the same
+static const double least_tolerance = 2e-10;  // N s or N m s: two impulses that differ by less are the same
 static const double relative_tolerance = 2e-7;
 
 // ---- set-up ---------------------------------------------------------------------------------------
@@ -20,7 +20,8 @@ static gv_six jacobian(const gv_problem_row *row, gv_vec3 arm, double sign) {
 
 static double times(const gv_six *row, const gv_six *v) {
   double sum = 0.0;
-  for (int k = 0; k < 6; k++) sum += row->m[k] * v->m[k];
+  for (int k = 0; k < 6; k++)
+    sum += row->m[k] * v->m[k];
   return sum;
 }
 
@@ -37,7 +38,8 @@ static double give_of(const gv_newton_node *node, const gv_six *row) {
   return gv_norm2(along) / node->mass + gv_dot(about, gv_mat3_mul(&node->inverse_inertia, about));
 }
 
-static void make_row(gv_newton *s, const gv_problem *problem, const gv_problem_row *from, gv_newton_row *row) {
+static void make_row(gv_newton *s, const gv_problem *problem, const gv_problem_row *from,
+                     gv_newton_row *row) {
   row->node_a = s->node_of[from->body_a];
   row->node_b = from->body_b == GV_WORLD ? -1 : s->node_of[from->body_b];
   row->slot = from->slot;
@@ -62,21 +64,26 @@ void gv_newton_rows_set_up(gv_newton *s, const gv_problem *problem) {
     assert(from->compliance > 0.0 && from->low <= 0.0 && from->high >= 0.0);
     make_row(s, problem, from, row);
     assert(row->node_a >= 0 && row->node_a < s->blocks.nodes && row->node_b < s->blocks.nodes);
-    if (row->node_b >= 0) gv_blocks_link(&s->blocks, row->node_a, row->node_b);
+    if (row->node_b >= 0)
+      gv_blocks_link(&s->blocks, row->node_a, row->node_b);
   }
 }
 
 // ---- the equations --------------------------------------------------------------------------------
 
-static double bound_of(const gv_newton_row *row) { return row->state == GV_ROW_AT_LOW ? row->low : row->high; }
+static double bound_of(const gv_newton_row *row) {
+  return row->state == GV_ROW_AT_LOW ? row->low : row->high;
+}
 
 void gv_newton_rows_mark(gv_newton *s) {
   for (int i = 0; i < s->rows; i++) {
     gv_newton_row *row = &s->row[i];
-    if (!row->changed) continue;
+    if (!row->changed)
+      continue;
     row->changed = false;
     gv_blocks_change(&s->blocks, row->node_a);
-    if (row->node_b >= 0) gv_blocks_change(&s->blocks, row->node_b);
+    if (row->node_b >= 0)
+      gv_blocks_change(&s->blocks, row->node_b);
   }
 }
 
@@ -84,26 +91,32 @@ void gv_newton_rows_mark(gv_newton *s) {
 static void add_product(gv_block *H, double k, const gv_six *left, const gv_six *right) {
   for (int r = 0; r < 6; r++) {
     const double by = k * left->m[r];
-    for (int c = 0; c < 6; c++) H->m[r][c] += by * right->m[c];
+    for (int c = 0; c < 6; c++)
+      H->m[r][c] += by * right->m[c];
   }
 }
 
 static void add_to_node(gv_newton *s, const gv_newton_row *row, int node, const gv_six *to) {
-  if (node < 0 || !s->blocks.changed[node]) return;
+  if (node < 0 || !s->blocks.changed[node])
+    return;
   const bool holds = row->state == GV_ROW_HOLDS;
   const double push = holds ? -row->free_u / row->compliance : bound_of(row);
-  for (int k = 0; k < 6; k++) s->dv[node].m[k] += push * to->m[k];
-  if (holds) add_product(gv_blocks_at(&s->blocks, node, node), 1.0 / row->compliance, to, to);
+  for (int k = 0; k < 6; k++)
+    s->dv[node].m[k] += push * to->m[k];
+  if (holds)
+    add_product(gv_blocks_at(&s->blocks, node, node), 1.0 / row->compliance, to, to);
 }
 
 static void add_coupling(gv_newton *s, const gv_newton_row *row, bool symmetric) {
   const int first = gv_blocks_first(&s->blocks, row->node_a, row->node_b);
-  if (!s->blocks.changed[first]) return;
+  if (!s->blocks.changed[first])
+    return;
   const gv_six *left = first == row->node_a ? &row->to_a : &row->to_b;
   const gv_six *right = first == row->node_a ? &row->to_b : &row->to_a;
   const double k = 1.0 / row->compliance;
   add_product(gv_blocks_at(&s->blocks, row->node_a, row->node_b), k, left, right);
-  if (!symmetric) add_product(gv_blocks_mirror(&s->blocks, row->node_a, row->node_b), k, left, right);
+  if (!symmetric)
+    add_product(gv_blocks_mirror(&s->blocks, row->node_a, row->node_b), k, left, right);
 }
 
 void gv_newton_rows_add(gv_newton *s, bool symmetric) {
@@ -111,7 +124,8 @@ void gv_newton_rows_add(gv_newton *s, bool symmetric) {
     const gv_newton_row *row = &s->row[i];
     add_to_node(s, row, row->node_a, &row->to_a);
     add_to_node(s, row, row->node_b, &row->to_b);
-    if (row->node_b >= 0 && row->state == GV_ROW_HOLDS) add_coupling(s, row, symmetric);
+    if (row->node_b >= 0 && row->state == GV_ROW_HOLDS)
+      add_coupling(s, row, symmetric);
   }
 }
 
@@ -119,7 +133,8 @@ void gv_newton_rows_respond(gv_newton *s) {
   for (int i = 0; i < s->rows; i++) {
     gv_newton_row *row = &s->row[i];
     row->u = row->free_u + times(&row->to_a, &s->dv[row->node_a]);
-    if (row->node_b >= 0) row->u += times(&row->to_b, &s->dv[row->node_b]);
+    if (row->node_b >= 0)
+      row->u += times(&row->to_b, &s->dv[row->node_b]);
     row->impulse = row->state == GV_ROW_HOLDS ? -row->u / row->compliance : bound_of(row);
   }
 }
@@ -142,7 +157,8 @@ double gv_newton_rows_project(gv_newton *s, double weight, double *io_merit) {
     gv_newton_row *row = &s->row[i];
     project_row(row, weight);
     *io_merit += row->merit;
-    if (!(row->residual <= worst)) worst = row->residual;
+    if (!(row->residual <= worst))
+      worst = row->residual;
   }
   return worst;
 }
@@ -150,7 +166,8 @@ double gv_newton_rows_project(gv_newton *s, double weight, double *io_merit) {
 void gv_newton_rows_adopt(gv_newton *s) {
   for (int i = 0; i < s->rows; i++) {
     gv_newton_row *row = &s->row[i];
-    if (!(row->residual > 1.0) || row->next == row->state) continue;
+    if (!(row->residual > 1.0) || row->next == row->state)
+      continue;
     row->state = row->next;
     row->changed = true;
   }
@@ -163,10 +180,12 @@ void gv_newton_rows_start(gv_newton *s) {
   for (int i = 0; i < s->rows; i++) {
     gv_newton_row *row = &s->row[i];
     row->first = row->state = (gv_row_state)s->last_row[row->slot];
-    if (row->state != GV_ROW_HOLDS && isinf(bound_of(row))) row->first = GV_ROW_HOLDS;
+    if (row->state != GV_ROW_HOLDS && isinf(bound_of(row)))
+      row->first = GV_ROW_HOLDS;
   }
 }
 
 void gv_newton_rows_keep(gv_newton *s) {
-  for (int i = 0; i < s->rows; i++) s->last_row[s->row[i].slot] = (uint8_t)s->row[i].state;
+  for (int i = 0; i < s->rows; i++)
+    s->last_row[s->row[i].slot] = (uint8_t)s->row[i].state;
 }

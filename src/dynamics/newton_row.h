@@ -13,18 +13,18 @@
 typedef enum gv_row_state { GV_ROW_HOLDS, GV_ROW_AT_LOW, GV_ROW_AT_HIGH } gv_row_state;
 
 typedef struct gv_newton_row {
-  int node_a, node_b;            // in the equations; -1: does not move
+  int node_a, node_b;  // in the equations; -1: does not move
   int slot;
-  gv_six to_a, to_b;             // the Jacobian G
-  double free_u;                 // G v_free - target
+  gv_six to_a, to_b;  // the Jacobian G
+  double free_u;      // G v_free - target
   double compliance, low, high;
-  double inverse_mass;           // G M^-1 G^T
+  double inverse_mass;  // G M^-1 G^T
   // the iteration
   gv_row_state state, next, first, kept;
-  bool changed;                  // the state, since the last solution
-  double residual, merit;        // of the projection
-  double impulse, u;             // y, and G v - target with it
-  double from_impulse, from_u, full_impulse, full_u; // ends of a step that is damped
+  bool changed;                                       // the state, since the last solution
+  double residual, merit;                             // of the projection
+  double impulse, u;                                  // y, and G v - target with it
+  double from_impulse, from_u, full_impulse, full_u;  // ends of a step that is damped
 } gv_newton_row;
 
 struct gv_newton;

@@ -32,16 +32,16 @@ struct gv_ode {
   dThreadingImplementationID threading;
   dJointGroupID contacts;
   dBodyID body[GV_BODIES];
-  double mass[GV_BODIES];            // as ODE has it; 0: not yet
-  gv_mat3 inertia[GV_BODIES];        // likewise
+  double mass[GV_BODIES];      // as ODE has it; 0: not yet
+  gv_mat3 inertia[GV_BODIES];  // likewise
   dJointFeedback feedback[GV_MAX_CONTACTS];
   pool memory;
-  pool memory_new;                   // as it was when the world was new,
-  uint8_t *image;                    // and what was in it
+  pool memory_new;  // as it was when the world was new,
+  uint8_t *image;   // and what was in it
   uint8_t *step_block[STEP_BLOCKS];
   bool step_block_taken[STEP_BLOCKS];
-  jmp_buf way_out;                   // of a step that ODE gives up
-  bool stepping;                     // way_out is set
+  jmp_buf way_out;  // of a step that ODE gives up
+  bool stepping;    // way_out is set
   unsigned messages, failures;
 };
 
@@ -54,15 +54,19 @@ static void ode_free(void *at, dsizeint size) { pool_free(&the_ode->memory, at, 
 
 static void *ode_realloc(void *at, dsizeint old_size, dsizeint size) {
   void *fresh = pool_alloc(&the_ode->memory, size);
-  if (fresh && at) memcpy(fresh, at, old_size < size ? old_size : size);
-  if (fresh) ode_free(at, old_size);
+  if (fresh && at)
+    memcpy(fresh, at, old_size < size ? old_size : size);
+  if (fresh)
+    ode_free(at, old_size);
   return fresh;
 }
 
 static void *step_alloc(dsizeint size) {
-  if (size > STEP_BYTES) return NULL;
+  if (size > STEP_BYTES)
+    return NULL;
   for (int i = 0; i < STEP_BLOCKS; i++) {
-    if (the_ode->step_block_taken[i]) continue;
+    if (the_ode->step_block_taken[i])
+      continue;
     the_ode->step_block_taken[i] = true;
     return the_ode->step_block[i];
   }
@@ -78,7 +82,8 @@ static void *step_shrink(void *at, dsizeint size, dsizeint smaller) {
 static void step_free(void *at, dsizeint size) {
   (void)size;
   for (int i = 0; i < STEP_BLOCKS; i++)
-    if (at == the_ode->step_block[i]) the_ode->step_block_taken[i] = false;
+    if (at == the_ode->step_block[i])
+      the_ode->step_block_taken[i] = false;
 }
 
 static void count_message(int number, const char *text, va_list args) {
@@ -93,7 +98,8 @@ static void leave_step(int number, const char *text, va_list args) {
   (void)number;
   (void)text;
   (void)args;
-  if (the_ode->stepping) longjmp(the_ode->way_out, 1);
+  if (the_ode->stepping)
+    longjmp(the_ode->way_out, 1);
 }
 
 static void set_handlers(bool ours) {
@@ -148,10 +154,12 @@ gv_ode *gv_ode_open(gv_arena *arena) {
   uint8_t *pool_block = gv_arena_alloc(arena, "ode pool", POOL_BYTES);
   uint8_t *image = gv_arena_alloc(arena, "ode pool's image", POOL_BYTES / 4);
   uint8_t *step_block = gv_arena_alloc(arena, "ode step", STEP_BLOCKS * STEP_BYTES);
-  if (!o || !pool_block || !image || !step_block || the_ode) return NULL;
+  if (!o || !pool_block || !image || !step_block || the_ode)
+    return NULL;
   the_ode = o;
   o->image = image;
-  for (int i = 0; i < STEP_BLOCKS; i++) o->step_block[i] = step_block + i * STEP_BYTES;
+  for (int i = 0; i < STEP_BLOCKS; i++)
+    o->step_block[i] = step_block + i * STEP_BYTES;
   pool_init(&o->memory, pool_block, POOL_BYTES);
   set_handlers(true);
   dInitODE2(0);
@@ -162,7 +170,8 @@ gv_ode *gv_ode_open(gv_arena *arena) {
 }
 
 void gv_ode_close(gv_ode *o) {
-  if (!o || the_ode != o) return;
+  if (!o || the_ode != o)
+    return;
   dJointGroupDestroy(o->contacts);
   dWorldDestroy(o->world);
   dThreadingFreeImplementation(o->threading);
@@ -174,12 +183,14 @@ void gv_ode_close(gv_ode *o) {
 // ---- the problem into the world -------------------------------------------------------------------
 
 static void put_mass(gv_ode *o, int i, const gv_problem_body *b) {
-  if (b->mass == o->mass[i] && memcmp(&b->inertia, &o->inertia[i], sizeof b->inertia) == 0) return;
+  if (b->mass == o->mass[i] && memcmp(&b->inertia, &o->inertia[i], sizeof b->inertia) == 0)
+    return;
   dMass m;
   dMassSetZero(&m);
   m.mass = b->mass;
   for (int r = 0; r < 3; r++)
-    for (int c = 0; c < 3; c++) m.I[4 * r + c] = b->inertia.m[r][c];
+    for (int c = 0; c < 3; c++)
+      m.I[4 * r + c] = b->inertia.m[r][c];
   dBodySetMass(o->body[i], &m);
   o->mass[i] = b->mass;
   o->inertia[i] = b->inertia;
@@ -239,16 +250,19 @@ static void find_touched(const gv_problem *problem, bool out_touched[GV_BODIES])
   }
   for (int i = 0; i < problem->joint_count; i++) {
     const gv_problem_joint *j = &problem->joint[i];
-    if (j->row_count == 0) continue;
+    if (j->row_count == 0)
+      continue;
     out_touched[j->body_a] = true;
-    if (j->body_b != GV_WORLD) out_touched[j->body_b] = problem->body[j->body_b].mass > 0.0;
+    if (j->body_b != GV_WORLD)
+      out_touched[j->body_b] = problem->body[j->body_b].mass > 0.0;
   }
 }
 
 static void put_joints(gv_ode *o, const gv_problem *problem, const bool touched[GV_BODIES]) {
   for (int i = 0; i < problem->joint_count; i++) {
     const gv_problem_joint *j = &problem->joint[i];
-    if (j->row_count == 0) continue;
+    if (j->row_count == 0)
+      continue;
     const bool b_moves = j->body_b != GV_WORLD && touched[j->body_b];
     dBodyID b = b_moves ? o->body[j->body_b] : NULL;
     gv_ode_put_joint(o->world, o->contacts, o->body[j->body_a], b, problem, j);
@@ -258,11 +272,14 @@ static void put_joints(gv_ode *o, const gv_problem *problem, const bool touched[
 static bool step_world(gv_ode *o, const gv_problem *problem, const gv_ode_method *method,
                        const bool touched[GV_BODIES]) {
   for (int i = 0; i < problem->body_count; i++)
-    if (touched[i]) put_body(o, i, &problem->body[i]);
-  for (int i = 0; i < problem->contact_count; i++) put_contact(o, problem, method, i);
+    if (touched[i])
+      put_body(o, i, &problem->body[i]);
+  for (int i = 0; i < problem->contact_count; i++)
+    put_contact(o, problem, method, i);
   put_joints(o, problem, touched);
   dRandSetSeed(1);  // QuickStep shuffles its rows: the same way in every call
-  if (method->iterations == 0) return dWorldStep(o->world, problem->step_s);
+  if (method->iterations == 0)
+    return dWorldStep(o->world, problem->step_s);
   dWorldSetQuickStepNumIterations(o->world, method->iterations);
   return dWorldQuickStep(o->world, problem->step_s);
 }
@@ -283,7 +300,8 @@ static gv_vec3 from_ode(const dReal *v) { return gv_v3(v[0], v[1], v[2]); }
 static void read_answer(gv_ode *o, const gv_problem *problem, const bool touched[GV_BODIES],
                         gv_velocity out_velocity[], gv_vec3 out_impulse[]) {
   for (int i = 0; i < problem->body_count; i++) {
-    if (!touched[i]) continue;
+    if (!touched[i])
+      continue;
     out_velocity[i].v = from_ode(dBodyGetLinearVel(o->body[i]));
     out_velocity[i].w = from_ode(dBodyGetAngularVel(o->body[i]));
   }
@@ -294,7 +312,8 @@ static void read_answer(gv_ode *o, const gv_problem *problem, const bool touched
 static void clear_world(gv_ode *o, const gv_problem *problem, const bool touched[GV_BODIES]) {
   dJointGroupEmpty(o->contacts);
   for (int i = 0; i < problem->body_count; i++)
-    if (touched[i]) dBodyDisable(o->body[i]);
+    if (touched[i])
+      dBodyDisable(o->body[i]);
 }
 
 bool gv_ode_solve(gv_ode *o, const gv_problem *problem, const gv_ode_method *method,
@@ -305,10 +324,14 @@ bool gv_ode_solve(gv_ode *o, const gv_problem *problem, const gv_ode_method *met
   memset(o->feedback, 0, sizeof *o->feedback * (size_t)problem->contact_count);
   const bool done = try_step(o, problem, method, touched);
   const bool right = done && o->messages == messages;
-  if (right) read_answer(o, problem, touched, out_velocity, out_impulse);
-  else o->failures++;
-  if (done) clear_world(o, problem, touched);
-  else restore_image(o);
+  if (right)
+    read_answer(o, problem, touched, out_velocity, out_impulse);
+  else
+    o->failures++;
+  if (done)
+    clear_world(o, problem, touched);
+  else
+    restore_image(o);
   return right;
 }
 

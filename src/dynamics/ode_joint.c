@@ -33,12 +33,14 @@ static void set_axis(dJointID made, const gv_joint *joint, double cfm, set_param
   set(made, dParamStopCFM, cfm);
   set(made, dParamVel, 0.0);
   set(made, dParamFMax, joint->friction);
-  if (!joint->has_limits) return;
+  if (!joint->has_limits)
+    return;
   set(made, dParamLoStop, joint->low);
   set(made, dParamHiStop, joint->high);
 }
 
-static void make(dWorldID world, dJointGroupID group, dBodyID a, dBodyID b, const gv_problem_joint *j, double cfm) {
+static void make(dWorldID world, dJointGroupID group, dBodyID a, dBodyID b, const gv_problem_joint *j,
+                 double cfm) {
   const gv_vec3 p = j->T_world_b.p;
   const gv_vec3 axis = gv_rotate(j->T_world_b.q, gv_v3(1, 0, 0));
   dJointID made;

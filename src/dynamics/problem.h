@@ -25,54 +25,54 @@
 
 // A body in world axes. Numbers 0 to GV_LIMBS - 1 are limbs, whose inertia is the same about every axis.
 typedef struct gv_problem_body {
-  double mass;              // kg; 0: does not move (then inertia is not read, and v = w = 0)
-  gv_mat3 inertia;          // kg m^2, about the centre of mass, world axes
-  gv_vec3 p;                // centre of mass, m
-  gv_vec3 v, w;             // m/s and rad/s after the step, if there were no contacts
+  double mass;      // kg; 0: does not move (then inertia is not read, and v = w = 0)
+  gv_mat3 inertia;  // kg m^2, about the centre of mass, world axes
+  gv_vec3 p;        // centre of mass, m
+  gv_vec3 v, w;     // m/s and rad/s after the step, if there were no contacts
 } gv_problem_body;
 
 typedef struct gv_problem_contact {
-  int body_a, body_b;       // two different ones; a moves
-  gv_vec3 point;            // world, m
-  gv_vec3 frame[3];         // orthonormal: normal, from b to a; tangents, the first along the coming slip
-  double target_velocity;   // along the normal, m/s: above 0 out of a penetration, below 0 lets a gap close
-  double normal_compliance; // c_n: m/s that an impulse of 1 N s yields; above 0
-  double tangent_compliance;// c_t, of both tangents; above 0
-  gv_friction friction;     // law
-  double mu;                // Coulomb's coefficient; 0 with a fixed limit
-  double friction_limit;    // of each tangent, N s, with a fixed limit; else 0
+  int body_a, body_b;         // two different ones; a moves
+  gv_vec3 point;              // world, m
+  gv_vec3 frame[3];           // orthonormal: normal, from b to a; tangents, the first along the coming slip
+  double target_velocity;     // along the normal, m/s: above 0 out of a penetration, below 0 lets a gap close
+  double normal_compliance;   // c_n: m/s that an impulse of 1 N s yields; above 0
+  double tangent_compliance;  // c_t, of both tangents; above 0
+  gv_friction friction;       // law
+  double mu;                  // Coulomb's coefficient; 0 with a fixed limit
+  double friction_limit;      // of each tangent, N s, with a fixed limit; else 0
 } gv_problem_contact;
 
 // One scalar condition between two bodies: velocity of a against b along a direction at a point, or about it.
 typedef struct gv_problem_row {
-  int body_a, body_b;       // a moves; b: GV_WORLD, or any other
-  bool turns;               // about the direction, else along it
-  gv_vec3 direction;        // unit, world
-  gv_vec3 arm_a, arm_b;     // from each body's centre to the point, m; not of one that turns
-  double target_velocity;   // m/s or rad/s
-  double compliance;        // m/s for 1 N s, or rad/s for 1 N m s; above 0
-  double low, high;         // bounds of the impulse on a, N s or N m s; may be infinite
-  int slot;                 // the same row has the same number in every step: below GV_MAX_ROWS
+  int body_a, body_b;      // a moves; b: GV_WORLD, or any other
+  bool turns;              // about the direction, else along it
+  gv_vec3 direction;       // unit, world
+  gv_vec3 arm_a, arm_b;    // from each body's centre to the point, m; not of one that turns
+  double target_velocity;  // m/s or rad/s
+  double compliance;       // m/s for 1 N s, or rad/s for 1 N m s; above 0
+  double low, high;        // bounds of the impulse on a, N s or N m s; may be infinite
+  int slot;                // the same row has the same number in every step: below GV_MAX_ROWS
 } gv_problem_row;
 
 // A joint as it stands in this step, for whoever has joints of their own; its rows say the same.
 typedef struct gv_problem_joint {
   const gv_joint *joint;
-  int body_a, body_b;       // b: or GV_WORLD
-  gv_pose T_world_a, T_world_b; // the joint's frame as each body carries it
-  double position;          // of hinge and slider
+  int body_a, body_b;            // b: or GV_WORLD
+  gv_pose T_world_a, T_world_b;  // the joint's frame as each body carries it
+  double position;               // of hinge and slider
   int row_first, row_count;
 } gv_problem_joint;
 
 enum {
-  GV_JOINT_HELD = 6,        // rows that hold a joint together, at most
-  GV_JOINT_ROWS = 9,        // with limit, friction and spring
+  GV_JOINT_HELD = 6,  // rows that hold a joint together, at most
+  GV_JOINT_ROWS = 9,  // with limit, friction and spring
   GV_MAX_ROWS = GV_MAX_JOINTS * GV_JOINT_ROWS
 };
 
 typedef struct gv_problem {
-  double step_s;            // h
-  double budget_s;          // time that one solver may take, reckoned in operations, never by a clock
+  double step_s;    // h
+  double budget_s;  // time that one solver may take, reckoned in operations, never by a clock
   int body_count, contact_count;
   gv_problem_body body[GV_BODIES];
   gv_problem_contact contact[GV_MAX_CONTACTS];
@@ -82,22 +82,24 @@ typedef struct gv_problem {
 } gv_problem;
 
 // Of one body after the step.
-typedef struct gv_velocity { gv_vec3 v, w; } gv_velocity;
+typedef struct gv_velocity {
+  gv_vec3 v, w;
+} gv_velocity;
 
 // A contact as collision detection finds it.
 typedef struct gv_dynamics_contact {
-  int body_a, body_b;       // normal points from b to a; a is never static
+  int body_a, body_b;                      // normal points from b to a; a is never static
   gv_vec3 position, normal, friction_dir;  // world; friction_dir unit, at right angles to the normal
-  double depth;             // metres; negative: gap, which the step may close but not pass
+  double depth;                            // metres; negative: gap, which the step may close but not pass
   gv_friction friction;
-  double mu;                // coefficient, or newtons with GV_FRICTION_FIXED_LIMIT
+  double mu;  // coefficient, or newtons with GV_FRICTION_FIXED_LIMIT
 } gv_dynamics_contact;
 
 // The contact law: states contacts[] as a problem whose bodies, step and budget are there already. What is
 // not finite, has no unit normal, or whose body a does not move, is left out. out_index[i]: which of
 // `contact` became the problem's i-th.
-void gv_problem_set_contacts(gv_problem *problem, const gv_config *cfg,
-                             const gv_dynamics_contact contact[], int count, int out_index[]);
+void gv_problem_set_contacts(gv_problem *problem, const gv_config *cfg, const gv_dynamics_contact contact[],
+                             int count, int out_index[]);
 
 // The law of joints (joint.c): states those of the scene that are not broken as rows. state: of every body, with
 // poses of this step; the problem's bodies and step are there already.

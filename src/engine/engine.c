@@ -21,7 +21,8 @@
 
 static bool put_engine(gv_arena *arena, const gv_config *cfg, const gv_scene *scene, gv_engine **out) {
   gv_engine *e = gv_arena_alloc(arena, "engine", sizeof *e);
-  if (!gv_broad_alloc(e ? &e->broad : NULL, arena, scene) || !e) return false;
+  if (!gv_broad_alloc(e ? &e->broad : NULL, arena, scene) || !e)
+    return false;
   e->cfg = *cfg;
   e->scene = scene;
   *out = e;
@@ -39,7 +40,8 @@ static void make_limbs(gv_engine *e) {
   for (int i = 0; i < GV_LIMBS; i++) {
     bool palm = i == GV_LIMB_PALM;
     double r = palm ? hand->palm_radius_m : hand->radius_m[i / 3][i % 3];
-    e->broad.limb_shape[i] = palm ? gv_shape_rounded_box(hand->palm_half_m, r) : gv_shape_capsule(gv_hand_half_length(hand, i), r);
+    e->broad.limb_shape[i] = palm ? gv_shape_rounded_box(hand->palm_half_m, r)
+                                  : gv_shape_capsule(gv_hand_half_length(hand, i), r);
     gv_vec3 half = e->broad.limb_shape[i].half;
     double mass = palm ? e->cfg.palm_mass_kg : e->cfg.limb_mass_kg;
     e->limb_inertia[i] = mass * gv_sphere_inertia_of_box(gv_scale(gv_add(half, gv_v3(r, r, r)), 2.0));
@@ -60,7 +62,8 @@ static void note_joints(gv_engine *e) {
   for (int i = 0; i < e->scene->joint_count; i++) {
     const gv_joint *joint = &e->scene->joint[i];
     e->in_joint[joint->object_a] = true;
-    if (joint->object_b != GV_WORLD) e->in_joint[joint->object_b] = true;
+    if (joint->object_b != GV_WORLD)
+      e->in_joint[joint->object_b] = true;
   }
 }
 
@@ -71,18 +74,21 @@ static int budget_of(const gv_config *cfg) {
 }
 
 gv_engine *gv_engine_init(void *mem, size_t size, const gv_config *cfg, const gv_scene *scene) {
-  if (gv_config_check(cfg)) return NULL;
+  if (gv_config_check(cfg))
+    return NULL;
   gv_arena arena;
   gv_engine *e;
   gv_arena_init(&arena, mem, size);
-  if (!put_engine(&arena, cfg, scene, &e)) return NULL;
+  if (!put_engine(&arena, cfg, scene, &e))
+    return NULL;
   make_limbs(e);
   note_joints(e);
   gv_broad_init(&e->broad, cfg->step_s, cfg->contact_margin_m);
   e->collision_budget = budget_of(cfg);
   e->effort = (gv_effort){1.0, GV_MAX_CONTACTS};
   e->dyn = gv_dynamics_create(&arena, &e->cfg, scene, e->spring, e->limb_inertia);
-  if (!e->dyn) return NULL;
+  if (!e->dyn)
+    return NULL;
   e->arena = arena;
   gv_dynamics_warm_up(e->dyn);
   gv_engine_reset(e);
@@ -91,14 +97,16 @@ gv_engine *gv_engine_init(void *mem, size_t size, const gv_config *cfg, const gv
 }
 
 void gv_engine_set_effort(gv_engine *e, gv_effort effort) {
-  assert(effort.share > 0.0 && effort.share <= 1.0 && effort.contacts_max > 0 && effort.contacts_max <= GV_MAX_CONTACTS);
+  assert(effort.share > 0.0 && effort.share <= 1.0 && effort.contacts_max > 0 &&
+         effort.contacts_max <= GV_MAX_CONTACTS);
   e->effort = effort;
   e->collision_budget = (int)fmax(LEAST_OPERATIONS, effort.share * budget_of(&e->cfg));
   gv_dynamics_set_share(e->dyn, effort.share);
 }
 
 void gv_engine_close(gv_engine *engine) {
-  if (engine) gv_dynamics_destroy(engine->dyn);
+  if (engine)
+    gv_dynamics_destroy(engine->dyn);
 }
 
 void gv_engine_reset(gv_engine *e) {
@@ -111,7 +119,8 @@ void gv_engine_reset(gv_engine *e) {
   gv_dynamics_park_limbs(e->dyn, true);
   gv_dynamics_forget(e->dyn);
   gv_dynamics_mend_joints(e->dyn);
-  for (int o = 0; o < e->scene->object_count; o++) gv_engine_wake_object(e, o);
+  for (int o = 0; o < e->scene->object_count; o++)
+    gv_engine_wake_object(e, o);
   for (int o = 0; o < e->scene->object_count; o++)
     gv_dynamics_set_state(e->dyn, GV_LIMBS + o, &(gv_body_state){.T = e->scene->object[o].T_world_body});
 }
@@ -121,7 +130,8 @@ int gv_engine_adjust(gv_engine *e, const gv_coupling *limb, const gv_coupling *p
   cfg.limb = *limb;
   cfg.palm = *palm;
   cfg.mu_hand = mu_hand;
-  if (gv_config_check(&cfg)) return -1;
+  if (gv_config_check(&cfg))
+    return -1;
   e->cfg = cfg;
   for (int i = 0; i < GV_LIMBS; i++) {
     e->spring[i] = make_spring(e, i);
@@ -134,7 +144,8 @@ const gv_config *gv_engine_config(const gv_engine *e) { return &e->cfg; }
 
 // First sample: the limbs appear on their driver frames, at rest.
 static void place_hand(gv_engine *e) {
-  for (int i = 0; i < GV_LIMBS; i++) gv_dynamics_set_state(e->dyn, i, &e->driver[i]);
+  for (int i = 0; i < GV_LIMBS; i++)
+    gv_dynamics_set_state(e->dyn, i, &e->driver[i]);
   gv_dynamics_park_limbs(e->dyn, false);
   e->placed = true;
   e->events |= GV_EVENT_HAND_PLACED;
@@ -148,11 +159,13 @@ static void move_driver(gv_engine *e) {
   for (int i = 0; i < GV_LIMBS; i++) {
     const gv_pose *now = &e->skeleton[i];
     gv_body_state *d = &e->driver[i];
-    if (!e->placed) d->T = *now;
+    if (!e->placed)
+      d->T = *now;
     gv_vec3 moved = gv_sub(now->p, d->T.p);
     gv_quat q = now->q, last = d->T.q, turned = gv_quat_mul(q, gv_quat_conj(last));
     double k = 2.0 * turned.w;  // turned * q is `last` mirrored in q
-    e->ahead[i] = (gv_pose){{k * q.w - last.w, k * q.x - last.x, k * q.y - last.y, k * q.z - last.z}, gv_add(now->p, moved)};
+    e->ahead[i] = (gv_pose){{k * q.w - last.w, k * q.x - last.x, k * q.y - last.y, k * q.z - last.z},
+                            gv_add(now->p, moved)};
     d->T = *now;
     d->v = gv_scale(moved, rate);
     d->w = gv_scale(gv_quat_log(turned), rate);
@@ -160,7 +173,8 @@ static void move_driver(gv_engine *e) {
 }
 
 static uint32_t refusal_events(unsigned why) {
-  return (why & GV_SAMPLE_NOT_FINITE ? GV_EVENT_SAMPLE_REFUSED : 0u) | (why & GV_SAMPLE_JUMP ? GV_EVENT_SAMPLE_JUMP : 0u) |
+  return (why & GV_SAMPLE_NOT_FINITE ? GV_EVENT_SAMPLE_REFUSED : 0u) |
+         (why & GV_SAMPLE_JUMP ? GV_EVENT_SAMPLE_JUMP : 0u) |
          (why & GV_SAMPLE_NO_POSE ? GV_EVENT_SAMPLE_NO_POSE : 0u);
 }
 
@@ -173,18 +187,22 @@ static void take_sample(gv_engine *e, const gv_sample *sample) {
       e->counters.samples_refused += (uint64_t)refused;
     }
   }
-  if (!gv_condition_ready(&e->condition)) return;
+  if (!gv_condition_ready(&e->condition))
+    return;
   gv_condition_step(&e->condition, &e->cfg);
   move_driver(e);
-  if (!e->placed) place_hand(e);
+  if (!e->placed)
+    place_hand(e);
 }
 
 static void pull_limbs(gv_engine *e) {
   gv_vec3 f[GV_LIMBS], t[GV_LIMBS];
-  if (!e->placed) return;
+  if (!e->placed)
+    return;
   gv_springs_apply(e->spring, gv_dynamics_state(e->dyn, 0), e->driver, f, t);
   for (int i = 0; i < GV_LIMBS; i++) {
-    if (e->cfg.limb_gravity) f[i] = gv_mad(f[i], e->spring[i].mass_kg, gv_dynamics_gravity(e->dyn));
+    if (e->cfg.limb_gravity)
+      f[i] = gv_mad(f[i], e->spring[i].mass_kg, gv_dynamics_gravity(e->dyn));
     gv_dynamics_add_force(e->dyn, i, f[i], t[i]);
   }
 }
@@ -200,17 +218,20 @@ static void count_step(gv_engine *e, gv_solver_report report) {
   }
   c->newton_softened += report.outcome == GV_OUTCOME_SOFTENED;
   c->dantzig_lagged += report.outcome == GV_OUTCOME_LAGGED;
-  if (report.solver == GV_SOLVER_QUICKSTEP && e->cfg.solver != GV_SOLVER_QUICKSTEP) e->events |= GV_EVENT_QUICKSTEP;
+  if (report.solver == GV_SOLVER_QUICKSTEP && e->cfg.solver != GV_SOLVER_QUICKSTEP)
+    e->events |= GV_EVENT_QUICKSTEP;
 }
 
 static void solve(gv_engine *e) {
   gv_vec3 force[GV_MAX_CONTACTS];
   count_step(e, gv_dynamics_step(e->dyn, e->solver_contact, e->contact_count, force));
-  for (int i = 0; i < e->contact_count; i++) e->contact[i].force_world = force[i];
+  for (int i = 0; i < e->contact_count; i++)
+    e->contact[i].force_world = force[i];
   e->counters.solver_errors = gv_dynamics_solver_errors(e->dyn);
   const int broken = gv_dynamics_joints_broken(e->dyn);
   e->counters.joints_broken += (uint64_t)broken;
-  if (broken > 0) e->events |= GV_EVENT_JOINT_BROKEN;
+  if (broken > 0)
+    e->events |= GV_EVENT_JOINT_BROKEN;
 }
 
 static bool state_sound(const gv_body_state *s) {  // what is not finite is not less
@@ -232,42 +253,47 @@ static void put_back_object(gv_engine *e, int object) {
   for (int round = 0; round < e->scene->joint_count; round++) {
     for (int i = 0; i < e->scene->joint_count; i++) {
       const gv_joint *joint = &e->scene->joint[i];
-      if (joint->object_b == GV_WORLD) continue;
+      if (joint->object_b == GV_WORLD)
+        continue;
       if (goes_back[joint->object_a] || goes_back[joint->object_b])
         goes_back[joint->object_a] = goes_back[joint->object_b] = true;
     }
   }
   for (int o = 0; o < e->scene->object_count; o++)
-    if (goes_back[o]) put_back(e, GV_LIMBS + o, &e->scene->object[o].T_world_body);
+    if (goes_back[o])
+      put_back(e, GV_LIMBS + o, &e->scene->object[o].T_world_body);
 }
 
 static void guard_states(gv_engine *e) {
   const gv_body_state *limb = gv_dynamics_state(e->dyn, 0), *object = gv_dynamics_state(e->dyn, GV_LIMBS);
   for (int i = 0; i < GV_LIMBS; i++)
-    if (!state_sound(&limb[i])) put_back(e, i, &e->driver[i].T);
+    if (!state_sound(&limb[i]))
+      put_back(e, i, &e->driver[i].T);
   for (int i = 0; i < e->rest.moving_count; i++) {
     const int o = e->rest.moving[i];
-    if (!state_sound(&object[o])) put_back_object(e, o);
+    if (!state_sound(&object[o]))
+      put_back_object(e, o);
   }
 }
 
 // What the person should feel: the opposite of the coupling on the limbs, as five tendon tensions.
 static void feel_coupling(gv_engine *e, double out_tension_n[GV_FINGERS]) {
   memset(out_tension_n, 0, GV_FINGERS * sizeof *out_tension_n);
-  if (!e->placed) return;
+  if (!e->placed)
+    return;
   gv_springs_feel(e->spring, gv_dynamics_state(e->dyn, 0), e->driver, e->ahead, e->felt_f, e->felt_t);
   gv_tendon_map(e->joint, e->skeleton, e->felt_f, e->felt_t, out_tension_n);
 }
 
 void gv_engine_step(gv_engine *e, const gv_sample *sample, gv_step_result *out) {
   e->events = 0;
-  take_sample(e, sample);         // device driver update: skeleton to driver frames
-  pull_limbs(e);                  // coupling, Eqn 1 to 4
-  gv_engine_collide(e);           // collision detection, Eqn 5 to 8; contact definition, Eqn 9, 10
-  solve(e);                       // equations of motion, Eqn 11 to 18
+  take_sample(e, sample);  // device driver update: skeleton to driver frames
+  pull_limbs(e);           // coupling, Eqn 1 to 4
+  gv_engine_collide(e);    // collision detection, Eqn 5 to 8; contact definition, Eqn 9, 10
+  solve(e);                // equations of motion, Eqn 11 to 18
   guard_states(e);
   gv_engine_put_to_rest(e);
-  feel_coupling(e, out->tension_n); // constraint forces to the haptic hand interface
+  feel_coupling(e, out->tension_n);  // constraint forces to the haptic hand interface
   e->counters.steps++;
   out->events = e->events;
   out->contact_count = e->contact_count;

@@ -10,7 +10,9 @@
 
 static unsigned long long seed = 21;
 static double draw(double lo, double hi) { return check_uniform(&seed, lo, hi); }
-static gv_vec3 draw_vector(double size) { return gv_v3(draw(-size, size), draw(-size, size), draw(-size, size)); }
+static gv_vec3 draw_vector(double size) {
+  return gv_v3(draw(-size, size), draw(-size, size), draw(-size, size));
+}
 static gv_quat draw_quat(double size) { return gv_quat_exp(draw_vector(size)); }
 
 static const char *const kind_name[] = {"fixed", "ball", "hinge", "slider"};
@@ -40,9 +42,12 @@ static void draw_joint(world *w, gv_joint_kind kind, int a, int b) {
   const gv_pose T_world_joint = {draw_quat(2), draw_vector(0.05)};
   *joint = (gv_joint){.kind = kind, .object_a = a, .object_b = b, .T_b_joint = T_world_joint};
   joint->T_a_joint = gv_pose_mul(gv_pose_inv(w->state[GV_LIMBS + a].T), T_world_joint);
-  if (b != GV_WORLD) joint->T_b_joint = gv_pose_mul(gv_pose_inv(w->state[GV_LIMBS + b].T), T_world_joint);
-  if (kind != GV_JOINT_HINGE && kind != GV_JOINT_SLIDER) return;
-  if (draw(0, 1) < 0.5) joint->friction = draw(0, 1);
+  if (b != GV_WORLD)
+    joint->T_b_joint = gv_pose_mul(gv_pose_inv(w->state[GV_LIMBS + b].T), T_world_joint);
+  if (kind != GV_JOINT_HINGE && kind != GV_JOINT_SLIDER)
+    return;
+  if (draw(0, 1) < 0.5)
+    joint->friction = draw(0, 1);
   if (draw(0, 1) < 0.5) {
     joint->spring_stiffness = draw(0, 100);
     joint->spring_damping = draw(0.01, 1);
@@ -62,10 +67,13 @@ static void draw_world(world *w, gv_joint_kind kind, double turn_rad) {
   for (int i = GV_LIMBS; i < q->body_count; i++) {
     w->state[i].T = (gv_pose){draw_quat(2), draw_vector(0.05)};
     const double inertia = draw(1e-5, 1e-4);
-    q->body[i] = (gv_problem_body){.mass = draw(0.05, 0.5), .p = w->state[i].T.p, .v = draw_vector(0.5), .w = draw_vector(3)};
-    for (int k = 0; k < 3; k++) q->body[i].inertia.m[k][k] = inertia * draw(1, 1.5);
+    q->body[i] = (gv_problem_body){
+      .mass = draw(0.05, 0.5), .p = w->state[i].T.p, .v = draw_vector(0.5), .w = draw_vector(3)};
+    for (int k = 0; k < 3; k++)
+      q->body[i].inertia.m[k][k] = inertia * draw(1, 1.5);
   }
-  for (int i = 0; i < OBJECTS; i++) draw_joint(w, i == 0 ? kind : (gv_joint_kind)(int)draw(0, 4), i, i - 1);
+  for (int i = 0; i < OBJECTS; i++)
+    draw_joint(w, i == 0 ? kind : (gv_joint_kind)(int)draw(0, 4), i, i - 1);
   for (int i = GV_LIMBS; i < q->body_count; i++) {
     w->state[i].T = shaken(w->state[i].T, turn_rad);
     q->body[i].p = w->state[i].T.p;
@@ -85,9 +93,11 @@ static void ask(gv_choice *choice, gv_solver solver, gv_problem *problem, gv_vel
   gv_vec3 impulse[GV_MAX_CONTACTS];
   gv_choice_forget(choice);
   choice->solver = solver;
-  for (int i = 0; i < problem->body_count; i++) out[i] = (gv_velocity){problem->body[i].v, problem->body[i].w};
+  for (int i = 0; i < problem->body_count; i++)
+    out[i] = (gv_velocity){problem->body[i].v, problem->body[i].w};
   const gv_solver_report report = gv_choice_solve(choice, problem, out, impulse);
-  CHECK(report.solver == solver && report.outcome == GV_OUTCOME_SOLVED, "%s did not solve it", gv_solver_name(solver));
+  CHECK(report.solver == solver && report.outcome == GV_OUTCOME_SOLVED, "%s did not solve it",
+        gv_solver_name(solver));
 }
 
 // turn_rad: error of orientation. ODE reads that of a slider halfway between its bodies, and so moves it a little aside.
@@ -97,7 +107,8 @@ static void compare_chains(double turn_rad, double within) {
   gv_arena arena;
   const gv_config cfg = gv_config_default();
   gv_arena_init(&arena, memory, sizeof memory);
-  if (!gv_choice_open(&choice, &arena, &cfg)) abort();
+  if (!gv_choice_open(&choice, &arena, &cfg))
+    abort();
   choice.period_s = 1.0;
   for (int kind = 0; kind < 4; kind++) {
     double worst = 0;
@@ -137,7 +148,8 @@ static gv_joint *hold(gv_joint_kind kind, int a, int b, gv_quat q, gv_vec3 p) {
   const gv_pose T_world_joint = {q, p};
   *j = (gv_joint){.kind = kind, .object_a = a, .object_b = b, .T_b_joint = T_world_joint};
   j->T_a_joint = gv_pose_mul(gv_pose_inv(l.object[a].T_world_body), T_world_joint);
-  if (b != GV_WORLD) j->T_b_joint = gv_pose_mul(gv_pose_inv(l.object[b].T_world_body), T_world_joint);
+  if (b != GV_WORLD)
+    j->T_b_joint = gv_pose_mul(gv_pose_inv(l.object[b].T_world_body), T_world_joint);
   return j;
 }
 
@@ -156,7 +168,8 @@ static void test_a_bar_on_a_hinge_swings_with_its_period(void) {
     hold(GV_JOINT_HINGE, bar, GV_WORLD, y_axis(), gv_v3(0, 0, 0.5));
     lab_run(&l);
     const gv_quat q = gv_quat_axis_angle(gv_v3(0, 1, 0), tilt);
-    gv_engine_set_object(l.engine, bar, (gv_pose){q, gv_add(gv_v3(0, 0, 0.5), gv_rotate(q, gv_v3(0, 0, -d)))}, gv_v3(0, 0, 0), gv_v3(0, 0, 0));
+    gv_engine_set_object(l.engine, bar, (gv_pose){q, gv_add(gv_v3(0, 0, 0.5), gv_rotate(q, gv_v3(0, 0, -d)))},
+                         gv_v3(0, 0, 0), gv_v3(0, 0, 0));
     const double inertia = (length * length + thick * thick) / 12 + d * d;
     const double period = 2 * GV_PI * sqrt(inertia / (9.81 * d));
     int crossings = 0;
@@ -167,7 +180,8 @@ static void test_a_bar_on_a_hinge_swings_with_its_period(void) {
       const double angle = now(0);
       if (last < 0 && angle >= 0) {
         last_s = (i - angle / (angle - last)) * 1e-3;
-        if (crossings++ == 0) first_s = last_s;
+        if (crossings++ == 0)
+          first_s = last_s;
       }
       last = angle;
     }
@@ -212,7 +226,8 @@ static void test_a_slider_slides_against_its_friction(void) {
       start(every_solver[s]);
       const double mass = 0.4, along = 9.81 * 0.5, friction = mass * along * (holds ? 1.01 : 0.4);
       const int block = lab_box(&l, gv_v3(0.05, 0.04, 0.03), gv_v3(0, 0, 1), mass, 0.5);
-      hold(GV_JOINT_SLIDER, block, GV_WORLD, gv_quat_axis_angle(gv_v3(0, 1, 0), GV_PI / 6), gv_v3(0, 0, 1))->friction = friction;
+      hold(GV_JOINT_SLIDER, block, GV_WORLD, gv_quat_axis_angle(gv_v3(0, 1, 0), GV_PI / 6), gv_v3(0, 0, 1))
+          ->friction = friction;
       lab_run(&l);
       lab_steps(&l, 500, NULL);
       const double way = holds ? 0 : 0.5 * (along - friction / mass) * 0.25;
@@ -271,7 +286,8 @@ static void test_limits_are_not_passed(void) {
     hinge->low = -0.2, hinge->high = 0.5;
     slider->low = -0.01, slider->high = 0.15;
     lab_run(&l);
-    gv_engine_set_object(l.engine, drawer, gv_engine_object_pose(l.engine, drawer), gv_v3(0.5, 0, 0), gv_v3(0, 0, 0));
+    gv_engine_set_object(l.engine, drawer, gv_engine_object_pose(l.engine, drawer), gv_v3(0.5, 0, 0),
+                         gv_v3(0, 0, 0));
     double most_angle = 0, most_way = 0;
     for (int i = 0; i < 2000; i++) {
       lab_steps(&l, 1, NULL);
@@ -280,8 +296,10 @@ static void test_limits_are_not_passed(void) {
     }
     // ODE sees a stop once it is passed: a step of the way more.
     const double beyond = every_solver[s] == GV_SOLVER_NEWTON ? 1e-6 : 1e-2;
-    CHECK(most_angle < 0.5 + beyond, "%s: the lever reaches %g rad", gv_solver_name(every_solver[s]), most_angle);
-    CHECK(most_way < 0.15 + 0.1 * beyond, "%s: the drawer reaches %g m", gv_solver_name(every_solver[s]), most_way);
+    CHECK(most_angle < 0.5 + beyond, "%s: the lever reaches %g rad", gv_solver_name(every_solver[s]),
+          most_angle);
+    CHECK(most_way < 0.15 + 0.1 * beyond, "%s: the drawer reaches %g m", gv_solver_name(every_solver[s]),
+          most_way);
     CHECK_NEAR(now(0), 0.5, 1e-4);
     CHECK_NEAR(now(1), 0.15, 1e-4);
     gv_engine_close(l.engine);
@@ -300,11 +318,13 @@ static void test_what_is_fixed_moves_as_one(void) {
     double off = 0;
     for (int i = 0; i < 600; i++) {
       lab_steps(&l, 1, NULL);
-      const gv_pose T_a_b = gv_pose_mul(gv_pose_inv(gv_engine_object_pose(l.engine, a)), gv_engine_object_pose(l.engine, b));
+      const gv_pose T_a_b = gv_pose_mul(gv_pose_inv(gv_engine_object_pose(l.engine, a)),
+                                        gv_engine_object_pose(l.engine, b));
       off = fmax(off, gv_norm(gv_sub(T_a_b.p, gv_v3(0.05, 0, 0))) + 0.05 * gv_norm(gv_quat_log(T_a_b.q)));
     }
     const double fell = gv_engine_object_pose(l.engine, b).p.z;
-    CHECK(off < (every_solver[s] == GV_SOLVER_QUICKSTEP ? 1e-3 : 1e-4), "%s: the weld gives %g m", gv_solver_name(every_solver[s]), off);
+    CHECK(off < (every_solver[s] == GV_SOLVER_QUICKSTEP ? 1e-3 : 1e-4), "%s: the weld gives %g m",
+          gv_solver_name(every_solver[s]), off);
     CHECK(fell < -0.05, "it does not tip over: %g m", fell);
     gv_engine_close(l.engine);
   }
@@ -322,12 +342,14 @@ static void test_a_joint_breaks_at_its_force(void) {
     CHECK(!gv_engine_joint(l.engine, 0).broken, "broken by less than it carries");
     gv_engine_push_object(l.engine, weight, gv_v3(0, 0, -0.2), gv_v3(0, 0, 0));
     lab_steps(&l, 1, NULL);
-    CHECK(gv_engine_joint(l.engine, 0).broken && gv_engine_counters(l.engine)->joints_broken == 1, "holds more than it carries");
+    CHECK(gv_engine_joint(l.engine, 0).broken && gv_engine_counters(l.engine)->joints_broken == 1,
+          "holds more than it carries");
     lab_steps(&l, 200, NULL);
     CHECK(gv_engine_object_pose(l.engine, weight).p.z < 0.85, "it does not fall");
     gv_engine_reset(l.engine);
     lab_steps(&l, 100, NULL);
-    CHECK(!gv_engine_joint(l.engine, 0).broken && gv_engine_object_pose(l.engine, weight).p.z > 0.99, "still broken after a reset");
+    CHECK(!gv_engine_joint(l.engine, 0).broken && gv_engine_object_pose(l.engine, weight).p.z > 0.99,
+          "still broken after a reset");
     gv_engine_close(l.engine);
   }
 }
@@ -359,15 +381,17 @@ static void test_what_is_put_back_is_put_back_together(void) {
   gv_engine_set_object(l.engine, b, far_away, gv_v3(0, 0, 0), gv_v3(0, 0, 0));
   lab_steps(&l, 2, NULL);
   const gv_vec3 p = gv_engine_object_pose(l.engine, a).p, q = gv_engine_object_pose(l.engine, b).p;
-  CHECK(gv_norm(gv_sub(p, gv_v3(0, 0, 1))) < 1e-3 && gv_norm(gv_sub(q, gv_v3(0.1, 0, 1))) < 1e-3, "at %g and %g m", p.x, q.x);
+  CHECK(gv_norm(gv_sub(p, gv_v3(0, 0, 1))) < 1e-3 && gv_norm(gv_sub(q, gv_v3(0.1, 0, 1))) < 1e-3,
+        "at %g and %g m", p.x, q.x);
   gv_engine_close(l.engine);
 }
 
 // ---- scene files ----------------------------------------------------------------------------------
 
-#define OBJECT_LIST                                                                                        \
-  "version = 1;\nobjects = ( { name = \"base\"; static = true; box = [0.1, 0.1, 0.1]; },\n"                \
-  "{ name = \"lever\"; mass = 0.2; box = [0.3, 0.02, 0.02]; position = [0.15, 0.0, 0.2]; rotation = [0.0, 0.0, 0.0]; } );\n"
+#define OBJECT_LIST                                                                                          \
+  "version = 1;\nobjects = ( { name = \"base\"; static = true; box = [0.1, 0.1, 0.1]; },\n"                  \
+  "{ name = \"lever\"; mass = 0.2; box = [0.3, 0.02, 0.02]; position = [0.15, 0.0, 0.2]; rotation = [0.0, "  \
+  "0.0, 0.0]; } );\n"
 
 static int load(const char *joints, gv_scene *out, char err[512]) {
   static char text[2048];
@@ -381,40 +405,60 @@ static int load(const char *joints, gv_scene *out, char err[512]) {
 static void test_a_scene_says_what_joints_there_are(void) {
   gv_scene scene;
   char err[512];
-  const int result = load("name = \"h\"; kind = \"hinge\"; object = \"lever\"; to = \"base\"; anchor = [0.0, 0.0, 0.2]; axis = [0.0, -2.0, 0.0];"
-                          "limits = [-10.0, 90.0]; friction = 0.1; spring = [1.5, 0.02, 45.0]; break_force = 60;", &scene, err);
+  const int result = load(
+      "name = \"h\"; kind = \"hinge\"; object = \"lever\"; to = \"base\"; anchor = [0.0, 0.0, 0.2]; axis = "
+      "[0.0, -2.0, 0.0];"
+      "limits = [-10.0, 90.0]; friction = 0.1; spring = [1.5, 0.02, 45.0]; break_force = 60;",
+      &scene, err);
   CHECK(result == 0 && scene.joint_count == 1, "%s", err);
-  if (result != 0) return;
+  if (result != 0)
+    return;
   const gv_joint *j = &scene.joint[0];
-  CHECK(j->kind == GV_JOINT_HINGE && j->object_a == 1 && j->object_b == 0 && j->has_limits && !j->collides, "bodies or kind");
+  CHECK(j->kind == GV_JOINT_HINGE && j->object_a == 1 && j->object_b == 0 && j->has_limits && !j->collides,
+        "bodies or kind");
   CHECK_NEAR(j->high, GV_PI / 2, 1e-12);
   CHECK_NEAR(j->spring_rest, GV_PI / 4, 1e-12);
-  CHECK(j->spring_stiffness == 1.5 && j->spring_damping == 0.02 && j->friction == 0.1 && j->break_force_n == 60, "numbers");
+  CHECK(j->spring_stiffness == 1.5 && j->spring_damping == 0.02 && j->friction == 0.1 &&
+            j->break_force_n == 60,
+        "numbers");
   const gv_pose T = gv_pose_mul(scene.object[1].T_world_body, j->T_a_joint);
   CHECK(gv_norm(gv_sub(gv_rotate(T.q, gv_v3(1, 0, 0)), gv_v3(0, -1, 0))) < 1e-12, "axis");
   CHECK(gv_norm(gv_sub(T.p, gv_v3(0, 0, 0.2))) < 1e-12, "anchor");
 }
 
 static void test_mistakes_in_a_joint_are_named(void) {
-  static const struct { const char *text, *says; } mistake[] = {
+  static const struct {
+    const char *text, *says;
+  } mistake[] = {
     {"name = \"h\"; kind = \"hing\"; object = \"lever\"; anchor = [0, 0, 0]; axis = [0, 1, 0];", "hing"},
-    {"name = \"h\"; kind = \"hinge\"; object = \"leaver\"; anchor = [0, 0, 0]; axis = [0, 1, 0];", "no object is named \"leaver\""},
+    {"name = \"h\"; kind = \"hinge\"; object = \"leaver\"; anchor = [0, 0, 0]; axis = [0, 1, 0];",
+     "no object is named \"leaver\""},
     {"name = \"h\"; kind = \"hinge\"; object = \"base\"; anchor = [0, 0, 0]; axis = [0, 1, 0];", "is static"},
-    {"name = \"h\"; kind = \"hinge\"; object = \"lever\"; to = \"lever\"; anchor = [0, 0, 0]; axis = [0, 1, 0];", "are the same"},
+    {"name = \"h\"; kind = \"hinge\"; object = \"lever\"; to = \"lever\"; anchor = [0, 0, 0]; axis = [0, 1, "
+     "0];",
+     "are the same"},
     {"name = \"h\"; kind = \"hinge\"; object = \"lever\"; axis = [0, 1, 0];", "'anchor' is missing"},
     {"name = \"h\"; kind = \"hinge\"; object = \"lever\"; anchor = [0, 0, 0];", "'axis' is missing"},
-    {"name = \"h\"; kind = \"hinge\"; object = \"lever\"; anchor = [0, 0, 0]; axis = [0, 0, 0];", "no direction"},
-    {"name = \"h\"; kind = \"ball\"; object = \"lever\"; anchor = [0, 0, 0]; limits = [-1, 1];", "'limits' belongs to a hinge"},
-    {"name = \"h\"; kind = \"hinge\"; object = \"lever\"; anchor = [0, 0, 0]; axis = [0, 1, 0]; limits = [10, 20];", "starts at 0"},
-    {"name = \"h\"; kind = \"slider\"; object = \"lever\"; anchor = [0, 0, 0]; axis = [0, 1, 0]; spring = [-1, 0, 0];", "0 or more"},
-    {"name = \"h\"; kind = \"slider\"; object = \"lever\"; anchor = [0, 0, 0]; axis = [0, 1, 0]; stop = 1;", "stop"},
+    {"name = \"h\"; kind = \"hinge\"; object = \"lever\"; anchor = [0, 0, 0]; axis = [0, 0, 0];",
+     "no direction"},
+    {"name = \"h\"; kind = \"ball\"; object = \"lever\"; anchor = [0, 0, 0]; limits = [-1, 1];",
+     "'limits' belongs to a hinge"},
+    {"name = \"h\"; kind = \"hinge\"; object = \"lever\"; anchor = [0, 0, 0]; axis = [0, 1, 0]; limits = "
+     "[10, 20];",
+     "starts at 0"},
+    {"name = \"h\"; kind = \"slider\"; object = \"lever\"; anchor = [0, 0, 0]; axis = [0, 1, 0]; spring = "
+     "[-1, 0, 0];",
+     "0 or more"},
+    {"name = \"h\"; kind = \"slider\"; object = \"lever\"; anchor = [0, 0, 0]; axis = [0, 1, 0]; stop = 1;",
+     "stop"},
     {"kind = \"fixed\"; object = \"lever\"; anchor = [0, 0, 0];", "'name' is missing"},
   };
   for (size_t i = 0; i < sizeof mistake / sizeof mistake[0]; i++) {
     gv_scene scene;
     char err[512];
     CHECK(load(mistake[i].text, &scene, err) != 0, "taken: %s", mistake[i].text);
-    CHECK(strncmp(err, "text:4:", 7) == 0 && strstr(err, mistake[i].says), "\"%s\" for: %s", err, mistake[i].text);
+    CHECK(strncmp(err, "text:4:", 7) == 0 && strstr(err, mistake[i].says), "\"%s\" for: %s", err,
+          mistake[i].text);
   }
 }
 
