@@ -7,13 +7,16 @@
 //   bench_engine URL SCENE OBJECT DRIVERS   writes DRIVERS (for the peers: bench_drivers.h) and prints one line of
 //                                           JSON with the scene; then answers each line "FIRST COUNT" on standard
 //                                           input with COUNT records of GV_BENCH_VALUES doubles
-//   bench_engine URL SCENE OBJECT - FIRST COUNT   runs these steps for callgrind and ends
+//   bench_engine URL SCENE OBJECT - FIRST COUNT   counts the instructions of these steps, under callgrind, and ends
+//                                           (test/support/callgrind.py)
 //
 // GV_VARIANT=dantzig, stock, ...: not the default's settings but those (test/replay/expectation.h).
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <time.h>
+
+#include <valgrind/callgrind.h>
 
 #include "engine/engine_state.h"
 #include "daemon/load/config_load.h"
@@ -171,6 +174,16 @@ void gv_bench_counted_step(gv_engine *e, int step) {
   gv_engine_step(e, &sample[step], &result);
 }
 
+// Callgrind says after each step how many instructions it has counted so far (events-1).
+static void count_steps(gv_engine *e, int first, int end) {
+  for (int i = 0; i < first && i < end; i++) gv_bench_counted_step(e, i);
+  CALLGRIND_START_INSTRUMENTATION;
+  for (int i = first; i < end; i++) {
+    gv_bench_counted_step(e, i);
+    (void)VALGRIND_MONITOR_COMMAND("status internal");
+  }
+}
+
 static void serve(gv_engine *e, int object, int steps) {
   int first, count;
   static double out[MAX_STEPS][GV_BENCH_VALUES];
@@ -204,9 +217,7 @@ int main(int argc, char **argv) {
   gv_engine_close(engine);
   engine = gv_engine_init(engine_memory, sizeof engine_memory, &settings.engine, &scene);
   if (argc == 7) {
-    double out[GV_BENCH_VALUES];
-    for (int i = 0; i < first && i < steps; i++) run(engine, object, i, out);
-    for (int i = first; i < last && i < steps; i++) gv_bench_counted_step(engine, i);
+    count_steps(engine, first, steps);
   } else {
     write_drivers(argv[4], engine, steps);
     print_scene(engine, steps);

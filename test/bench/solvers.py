@@ -4,10 +4,11 @@
 the table of README and DESIGN. No figure depends on the load of the machine."""
 import csv
 import os
-import re
 import subprocess
 import sys
-import tempfile
+
+sys.path.insert(0, "test/support")
+from callgrind import mean  # noqa: E402 (test/support is no package)
 
 B = os.environ.get("B", "build/gcc-O2")
 TABLE = "data/bench/solvers.csv"
@@ -18,29 +19,11 @@ COLUMNS = ("trace", "variant", "slip_mm", "tilt_deg", "depth_mm", "loaded", "out
            "quickstep", "instructions")
 
 
-def expected(trace):
-    with open(f"data/traces/{trace}/expected") as file:
-        words = [line.split() for line in file if not line.startswith("chain")]
-    return {line[0]: line[1] for line in words if line and line[0] in ("scene", "object")}
-
-
-def count(trace, variant):
-    what = expected(trace)
-    with tempfile.TemporaryDirectory() as folder:
-        command = ["valgrind", "--tool=callgrind", "--toggle-collect=gv_bench_counted_step",
-                   f"--callgrind-out-file={folder}/out", f"{B}/test/bench_engine",
-                   f"trace:data/traces/{trace}/input.log.gz?speed=0", what["scene"], what["object"], "-", str(FIRST), str(STEPS)]
-        run = subprocess.run(command, capture_output=True, text=True, env={**os.environ, "GV_VARIANT": variant})
-    found = re.search(r"Collected : (\d+)", run.stderr)
-    assert run.returncode == 0 and found, run.stderr
-    return round(int(found.group(1)) / STEPS)
-
-
 def measure(variant):
     run = subprocess.run([f"{B}/test/test_replay", "--measure", variant], capture_output=True, text=True, check=True)
     for line in csv.reader(run.stdout.splitlines()):
         row = dict(zip(COLUMNS, line))
-        row["instructions"] = count(row["trace"], variant) if row["trace"] in COUNTED else ""
+        row["instructions"] = mean(row["trace"], FIRST, STEPS, variant) if row["trace"] in COUNTED else ""
         yield row
 
 

@@ -3,32 +3,22 @@
 a figure that no load on the machine changes. A twentieth more is a failure; what is meant is written by `make instructions`."""
 import csv
 import os
-import re
-import subprocess
 import sys
-import tempfile
+
+sys.path.insert(0, "test/support")
+from callgrind import mean  # noqa: E402 (test/support is no package)
 
 B = os.environ.get("B", "build/gcc-O2")
 TABLE = "data/bench/instructions.csv"
-SCENES = (("power_box", "box"), ("bar_frame", "frame"), ("pinch_box", "box"))
+TRACES = ("power_box", "bar_frame", "pinch_box")
 FIRST, STEPS, MORE = 6500, 100, 1.05
-
-
-def count(trace, scene):
-    with tempfile.TemporaryDirectory() as folder:
-        run = subprocess.run(["valgrind", "--tool=callgrind", "--toggle-collect=gv_bench_counted_step",
-                              f"--callgrind-out-file={folder}/out", f"{B}/test/bench_engine", f"trace:data/traces/{trace}/input.log.gz?speed=0",
-                              f"data/scenes/{scene}.scene", scene, "-", str(FIRST), str(STEPS)], capture_output=True, text=True)
-    found = re.search(r"Collected : (\d+)", run.stderr)
-    assert run.returncode == 0 and found, run.stderr
-    return round(int(found.group(1)) / STEPS)
 
 
 def main():
     if os.path.basename(B) != "gcc-O2":
         print("skip test_instructions: the table is of gcc -O2")
         return
-    counted = {trace: count(trace, scene) for trace, scene in SCENES}
+    counted = {trace: mean(trace, FIRST, STEPS) for trace in TRACES}
     if "--update" in sys.argv:
         with open(TABLE, "w", newline="") as file:
             csv.writer(file, lineterminator="\n").writerows([("trace", "instructions"), *counted.items()])
