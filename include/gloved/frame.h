@@ -21,12 +21,14 @@ enum {
   GV_FRAME_ERROR = 32
 };
 
+enum { GV_FRAME_DATA = 64 };  // bytes, the most that CAN FD carries
+
 typedef struct gv_frame {
   int64_t stamp_ns;  // reception (or recording) time; the driver's clock
   uint32_t id;       // 11 or 29 bits
   uint8_t flags;     // GV_FRAME_...
   uint8_t len;       // bytes in data: 0..8, FD 0..8 12 16 20 24 32 48 64
-  uint8_t data[64];
+  uint8_t data[GV_FRAME_DATA];
 } gv_frame;
 
 typedef struct gv_driver_stats {

@@ -2,6 +2,7 @@
 // The arena: a bump pointer over the caller's buffer with a table of named blocks. Set-up only.
 #include "gloved/arena.h"
 
+#include <assert.h>
 #include <string.h>
 
 void gv_arena_init(gv_arena *arena, void *mem, size_t size) {
@@ -10,6 +11,8 @@ void gv_arena_init(gv_arena *arena, void *mem, size_t size) {
   arena->size = size;
 }
 
+_Static_assert((GV_ARENA_ALIGN & (GV_ARENA_ALIGN - 1)) == 0, "an alignment is a power of two");
+
 static size_t aligned_offset(const gv_arena *arena) {
   uintptr_t at = (uintptr_t)arena->base + arena->used;
   uintptr_t up = (at + GV_ARENA_ALIGN - 1) & ~(uintptr_t)(GV_ARENA_ALIGN - 1);
@@ -17,6 +20,8 @@ static size_t aligned_offset(const gv_arena *arena) {
 }
 
 void *gv_arena_alloc(gv_arena *arena, const char *name, size_t size) {
+  assert(arena->base == NULL || arena->used <= arena->size);
+  assert(arena->block_count >= 0 && arena->block_count <= GV_ARENA_BLOCKS);
   // In a dry run `used` also plays the part of `peak`, plus one alignment for a crooked buffer.
   size_t offset = aligned_offset(arena);
   size_t end = offset + size;

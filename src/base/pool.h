@@ -4,10 +4,12 @@
 #ifndef POOL_H
 #define POOL_H
 
+#include <assert.h>
 #include <stddef.h>
 #include <stdint.h>
 
 enum { POOL_CLASSES = 64, POOL_UNIT = 32 };  // classes of 32 B up to 2 kB; larger blocks are never reused
+_Static_assert(POOL_UNIT >= sizeof(void *), "a free block holds the link to the next");
 
 typedef struct pool {
   uint8_t *base;
@@ -19,6 +21,7 @@ typedef struct pool {
 static inline void pool_init(pool *p, void *base, size_t size) { *p = (pool){.base = base, .size = size}; }
 
 static inline void *pool_alloc(pool *p, size_t size) {
+  assert(p->used <= p->size);
   size_t units = (size + POOL_UNIT - 1) / POOL_UNIT;
   if (units < POOL_CLASSES && p->free_list[units]) {
     void **head = p->free_list[units];
@@ -35,6 +38,7 @@ static inline void *pool_alloc(pool *p, size_t size) {
 }
 
 static inline void pool_free(pool *p, void *at, size_t size) {
+  assert(!at || ((uint8_t *)at >= p->base && (uint8_t *)at + size <= p->base + p->size));
   size_t units = (size + POOL_UNIT - 1) / POOL_UNIT;
   if (!at || units == 0 || units >= POOL_CLASSES)
     return;

@@ -2,6 +2,7 @@
 // Values of settings against their bounds and defaults (setting.h). Pure; any thread.
 #include "gloved/setting.h"
 
+#include <assert.h>
 #include <math.h>
 #include <string.h>
 
@@ -9,6 +10,7 @@ enum { FINGERS = 5 };
 
 // The i-th of several numbers that stand in one setting.
 static double number_at(const gv_setting *s, const void *configuration, int i) {
+  assert(i >= 0 && i < (s->kind == GV_SETTING_FINGERS ? FINGERS : 1));
   const char *at = (const char *)configuration + s->offset;
   double number = 0.0;
   unsigned count = 0;
@@ -44,6 +46,7 @@ double gv_setting_value(const gv_setting *s, const void *configuration) {
 }
 
 static bool is_word(const gv_setting *s, const void *configuration) {
+  assert(s->words && s->words[0]);
   unsigned word, words = 0;
   memcpy(&word, (const char *)configuration + s->offset, sizeof word);
   while (s->words[words])
@@ -53,6 +56,7 @@ static bool is_word(const gv_setting *s, const void *configuration) {
 
 // A metre that became millimetres may be off by a last bit.
 bool gv_setting_sound(const gv_setting *s, const void *configuration) {
+  assert(s->min <= s->max);
   if (s->kind == GV_SETTING_CHOICE)
     return is_word(s, configuration);
   if (!is_number(s))

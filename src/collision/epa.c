@@ -9,6 +9,9 @@
 // The side of the last time and the far side are the seeds where the cores overlapped then: mostly nothing
 // has to be added. Pure; any thread.
 #include "collision/simplex.h"
+
+#include <assert.h>
+
 #include "collision/polytope.h"
 
 // Faces whose offsets differ by less are looked at for the point under the origin.
@@ -23,6 +26,10 @@ enum { EPA_OPERATIONS = 150, ADD_OPERATIONS = 100 };
 
 // A sweep asks at most 2 * 40 + 2 * 12 * 12 directions.
 enum { SEEDS = 7, SWEEP_FACES = 40, SWEEP_EDGES = 12 };
+_Static_assert(SEEDS + 4 + GV_EPA_MAX_ITERATIONS + GV_EPA_MAX_DESCENT + 1 <= GV_EPA_MAX_VERTICES,
+               "every iteration adds a point at most");
+_Static_assert(GV_EPA_MAX_FACES >= 2 * GV_EPA_MAX_VERTICES,
+               "Euler: a closed surface of n points has 2 n - 4 faces");
 
 typedef struct search {
   const gv_cso *cso;
@@ -40,6 +47,7 @@ typedef struct search {
 } search;
 
 static double ask(search *s, gv_vec3 n) {
+  assert(s->count >= 0 && s->count < GV_EPA_MAX_VERTICES);
   gv_cso_point p = gv_cso_support(s->cso, n);
   s->w[s->count] = p.w;
   s->on_a[s->count] = p.a;
@@ -157,6 +165,7 @@ static int find_pierced_face(const gv_polytope *P, gv_vec3 n) {
 
 // Asks beyond the face and adds what is there. False where it is final: no point lies further out.
 static bool grow_at(search *s, int f) {
+  assert(gv_polytope_alive(&s->polytope, f));
   gv_polytope *P = &s->polytope;
   *s->cso->operations += ADD_OPERATIONS + P->face_count / 2;  // both searches of the faces
   double offset = P->face[f].offset;
@@ -238,6 +247,7 @@ static void find_on_a(const search *s, gv_epa_result *out) {
 }
 
 bool gv_epa_run(const gv_cso *cso, gv_vec3 guess, gv_epa_result *out) {
+  assert(fabs(gv_norm2(guess) - 1) < 1e-6);
   search s;
   s.cso = cso;
   s.count = 0;

@@ -16,6 +16,7 @@ typedef struct best_face {
 } best_face;
 
 static void better_face_at(const gv_hull *hull, int vertex, gv_vec3 d, best_face *io_best) {
+  assert(vertex >= 0 && vertex < hull->vertex_count);
   for (int k = hull->neighbor_start[vertex]; k < hull->neighbor_start[vertex + 1]; k++) {
     double cosine = gv_dot(hull->face_normal[hull->neighbor_face[k]], d);
     if (cosine > io_best->cosine)
@@ -78,6 +79,7 @@ static void take_hull_side(const gv_core *core, gv_vec3 d, uint16_t *vertex, gv_
 }
 
 static void take_points(gv_face *out, int count) {
+  assert(count == 1 || count == 2);
   out->count = count;
   out->normal = gv_v3(0, 0, 0);
   out->index = GV_NO_FACE;
@@ -122,6 +124,7 @@ void gv_face_towards(const gv_core *core, gv_vec3 d, uint16_t *vertex, gv_face *
 
 // Segments and points are open: no edge leads back.
 void gv_face_clip(const gv_face *in, gv_vec3 at, gv_vec3 outward, double slack, gv_face *out) {
+  assert(slack >= 0.0);
   int n = in->count;
   int edges = n > 2 ? n : n - 1;
   double outside = slack * gv_norm(outward);

@@ -43,6 +43,7 @@ void gv_gjk_keep(gv_pair_cache *cache, const gv_simplex *s) {
 }
 
 gv_gjk_outcome gv_gjk_walk(gv_gjk *g) {
+  assert(g->limit >= 0.0);
   gv_simplex *s = &g->simplex;
   gv_vec3 v = s->p[0].w;
   double lower = 0.0;

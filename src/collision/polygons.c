@@ -5,6 +5,8 @@
 // thin plate's back is not touched. Frame of B. Pure; any thread.
 #include "collision/face.h"
 
+#include <assert.h>
+
 static const double facing = 0.3;  // least cosine of the polygon's normal and the contact's (72 degrees)
 
 // Lowest point of A's side over the polygon, as its height above the polygon; false where none is over it.
@@ -29,6 +31,7 @@ static bool lowest_over(const gv_face *polygon, double offset, const gv_face *of
 
 int gv_polygon_depths(const gv_pair *pair, gv_vec3 normal_world, double margin, gv_polygon_depth out[],
                       int max) {
+  assert(max >= 0 && margin >= 0.0 && fabs(gv_norm2(normal_world) - 1.0) < 1e-6);
   const gv_pose T_world_b = *pair->T_world_b;
   const gv_hull *hull = pair->b->hull;
   const double radii = pair->a->radius + pair->b->radius;

@@ -15,6 +15,7 @@ static double distance_to_line2(gv_vec3 p, gv_vec3 a, gv_vec3 direction) {
 }
 
 bool gv_polytope_pick_tetrahedron(const gv_vec3 *point, int count, double tolerance, uint16_t out_pick[4]) {
+  assert(count > 0 && count <= NONE && tolerance >= 0.0);
   int a = 0;
   int b = 0;
   int c = 0;
@@ -73,6 +74,7 @@ static bool find_plane(gv_vec3 a, gv_vec3 b, gv_vec3 c, gv_vec3 *out_normal, dou
 }
 
 bool gv_polytope_start(gv_polytope *P, const uint16_t pick[4]) {
+  assert(P->face_max >= 4);
   static const uint8_t corner[4][3] = {{0, 1, 2}, {0, 3, 1}, {1, 3, 2}, {2, 3, 0}};
   static const uint8_t adjacent[4][3] = {{1, 2, 3}, {3, 2, 0}, {1, 3, 0}, {2, 1, 0}};
   uint16_t v[4] = {pick[0], pick[1], pick[2], pick[3]};
@@ -111,11 +113,13 @@ int gv_polytope_most_visible(const gv_polytope *P, gv_vec3 point) {
 }
 
 static uint16_t edge_towards(const gv_polytope_face *F, uint16_t from) {
+  assert(F->vertex[0] == from || F->vertex[1] == from || F->vertex[2] == from);
   return F->vertex[0] == from ? 0 : F->vertex[1] == from ? 1 : 2;
 }
 
 // Walk over the faces that the point sees; their outline goes to P->edge. Returns how many faces.
 static int find_seen(gv_polytope *P, gv_vec3 point, int seed, int *out_edges) {
+  assert(seed >= 0 && seed < P->face_count && P->face[seed].state == ALIVE);
   int seen = 0;
   int edges = 0;
   P->seen[seen++] = (uint16_t)seed;

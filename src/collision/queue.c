@@ -10,6 +10,8 @@
 
 enum { UNKNOWN_OPERATIONS = 200 };  // of a pair that has not been asked yet: two boxes, cold
 
+_Static_assert(GV_MAX_PAIRS <= UINT16_MAX, "pairs are numbered in 16 bits");
+
 static int expected_operations(const gv_candidate *pair) {
   int operations = pair->cache->operations;
   return operations > 0 ? operations : UNKNOWN_OPERATIONS;
@@ -43,6 +45,7 @@ static void sift_down(gv_queue *queue, int at) {
 }
 
 void gv_queue_start(gv_queue *queue, const gv_broad *broad, int budget) {
+  assert(broad->pair_count >= 0 && broad->pair_count <= GV_MAX_PAIRS && budget > 0);
   int expected = 0;
   queue->broad = broad;
   queue->budget = budget;

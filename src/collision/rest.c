@@ -25,6 +25,7 @@ bool gv_rest_wake(gv_rest *rest, int o) {
 }
 
 bool gv_rest_is_disturbed(const gv_rest *rest, const gv_broad *broad, bool hand, int o) {
+  assert(o >= 0 && o < GV_MAX_OBJECTS);
   if (hand && gv_broad_hand_is_near(broad, o))
     return true;
   for (int i = 0; i < rest->moving_count; i++) {
@@ -39,6 +40,7 @@ bool gv_rest_is_disturbed(const gv_rest *rest, const gv_broad *broad, bool hand,
 
 bool gv_rest_lies_still(gv_rest *rest, const gv_broad *broad, bool hand, int o, const gv_body_state *s,
                         int enough) {
+  assert(o >= 0 && o < GV_MAX_OBJECTS && enough > 0);
   bool still = gv_norm(s->v) + gv_norm(s->w) * broad->object_reach[o] < still_m_s;
   rest->still_steps[o] = still ? rest->still_steps[o] + 1 : 0;
   if (rest->still_steps[o] < enough || (hand && gv_broad_hand_is_near(broad, o)))

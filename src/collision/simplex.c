@@ -8,6 +8,7 @@
 #include <assert.h>
 
 static void drop_corner(gv_simplex *s, int k) {
+  assert(k >= 0 && k < s->count);
   s->count--;
   s->p[k] = s->p[s->count];
 }
@@ -21,6 +22,7 @@ static void swap_ends(gv_simplex *s) {
 // The nearer end comes first. However near to it the point is, the other end stays: between edges that almost
 // touch a step of 1e-15 m along the edge still turns the direction by radians.
 static gv_vec3 solve_segment(gv_simplex *s) {
+  assert(s->count == 2);
   if (gv_norm2(s->p[1].w) < gv_norm2(s->p[0].w))
     swap_ends(s);
   gv_vec3 a = s->p[0].w;
@@ -131,6 +133,7 @@ gv_vec3 gv_simplex_polish(const gv_simplex *s, gv_vec3 v) {
 }
 
 gv_vec3 gv_simplex_on_a(const gv_simplex *s) {
+  assert(s->count >= 1 && s->count <= 3);
   gv_vec3 on_a = gv_scale(s->p[0].a, s->weight[0]);
   for (int k = 1; k < s->count; k++)
     on_a = gv_mad(on_a, s->weight[k], s->p[k].a);

@@ -41,6 +41,7 @@ static double exp_neg(double x) {
 
 // e(h) = (e + (v + w e) h) exp(-w h),  v(h) = (v - w (v + w e) h) exp(-w h)
 static gv_decay make_decay(double omega, double h) {
+  assert(omega >= 0.0 && h > 0.0);
   const double decay = exp_neg(omega * h);
   return (gv_decay){
     .ee = (1.0 + omega * h) * decay,
@@ -93,7 +94,10 @@ static bool gate_joint(gv_condition *c, int i, double value, double gate) {
 }
 
 // What a gate in units a second lets pass in one sample that came age_s after the last.
-static double gate_of(double per_s, double age_s) { return per_s * fmax(age_s, gate_least_s); }
+static double gate_of(double per_s, double age_s) {
+  assert(age_s >= 0.0);
+  return per_s * fmax(age_s, gate_least_s);
+}
 
 static int refuse(gv_condition *c, gv_sample_refusal why) {
   c->why |= why;
@@ -187,6 +191,7 @@ static void step_vector(const gv_condition *c, double corner_per_speed, gv_vec3 
 }
 
 void gv_condition_step(gv_condition *c, const gv_config *cfg) {
+  assert(cfg->step_s > 0.0);
   c->glove_age_s += cfg->step_s;
   c->pose_age_s += cfg->step_s;
   for (int i = 0; i < GV_SENSORS; i++)

@@ -5,8 +5,11 @@
 // augmented inertia. Real-time thread.
 #include "hand/coupling.h"
 
+#include <assert.h>
+
 gv_spring gv_spring_make(const gv_coupling *coupling, double mass_kg, double mean_inertia, double h,
                          gv_rotation_law law) {
+  assert(coupling->k_f >= 0.0 && coupling->k_t >= 0.0 && mass_kg > 0.0 && mean_inertia > 0.0 && h > 0.0);
   gv_spring s = {.k_f = coupling->k_f,
                  .d_f = coupling->d_f,
                  .k_t = coupling->k_t,

@@ -4,6 +4,7 @@
 // computed in its wrist frame; a left hand is its mirror image in y. Pure; any thread.
 #include "gloved/hand.h"
 
+#include <assert.h>
 #include <stddef.h>
 
 #define DEG (GV_PI / 180.0)
@@ -107,6 +108,7 @@ int gv_calibration_check(const gv_calibration *cal) {
 }
 
 double gv_calibration_raw(const gv_calibration *cal, int sensor, double angle_rad) {
+  assert(sensor >= 0 && sensor < GV_SENSORS);
   const double *r = cal->raw[sensor];
   const double *a = cal->angle_rad[sensor];
   return r[0] + (angle_rad - a[0]) * (r[1] - r[0]) / (a[1] - a[0]);
@@ -120,6 +122,7 @@ static double half_length(const gv_hand_model *model, int finger, int segment) {
 }
 
 double gv_hand_half_length(const gv_hand_model *model, int limb) {
+  assert(limb >= 0 && limb < GV_LIMBS - 1);
   return half_length(model, limb / 3, limb % 3);
 }
 
@@ -154,7 +157,10 @@ static void halve_turns(const double angle_rad[GV_SENSORS], turns *out) {
       gv_sincos(half[i], &out->s[i], &out->c[i]);
 }
 
-static turn turn_of(const turns *all, int sensor) { return (turn){all->c[sensor], all->s[sensor]}; }
+static turn turn_of(const turns *all, int sensor) {
+  assert(sensor >= 0 && sensor < GV_SENSORS);
+  return (turn){all->c[sensor], all->s[sensor]};
+}
 
 static turn back(turn t) { return (turn){t.c, -t.s}; }
 static turn add_turns(turn a, turn b) { return (turn){a.c * b.c - a.s * b.s, a.s * b.c + a.c * b.s}; }

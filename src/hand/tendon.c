@@ -10,6 +10,8 @@ static const double arm_m[GV_FINGERS][3] = {{0.075, 0.050, 0.022},
                                             {0.070, 0.045, 0.020},
                                             {0.055, 0.035, 0.018}};
 
+_Static_assert(GV_LIMBS == 3 * GV_FINGERS + 1, "three limbs a finger, then the palm");
+
 int gv_tendon_joints(int finger, int out_sensor[3], double out_arm_m[3]) {
   if (finger < 0 || finger >= GV_FINGERS)
     return 0;

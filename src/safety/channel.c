@@ -3,6 +3,7 @@
 // (channel.h). Pure; any thread.
 #include "gloved/channel.h"
 
+#include <assert.h>
 #include <stddef.h>
 
 // Sources: DESIGN.md, "Forces". How much tension a full brake of a LucidGlove holds is not measured anywhere
@@ -20,6 +21,7 @@ const gv_channel *gv_channel_of(gv_channel_name name) {
 
 // The millionth of a count: 3 N of 12 are 250 of 1000 whatever the last bit of the division says.
 int gv_channel_counts(const gv_channel *c, double tension_n) {
+  assert(c->max_n > 0.0 && c->counts > 0);
   if (!isfinite(tension_n))
     return 0;
   return (int)floor(gv_clamp(tension_n, 0.0, c->max_n) / c->max_n * c->counts + 1e-6);
@@ -37,6 +39,7 @@ static bool lower(double *value, double limit) {
 }
 
 bool gv_channel_limit(const gv_channel *c, gv_limiter_config *cfg) {
+  assert(c->fingers > 0 && c->fingers <= GV_FINGERS);
   bool changed = lower(&cfg->max_n, c->max_n);
   for (int i = 0; i < GV_FINGERS; i++)
     changed |= lower(&cfg->finger_max_n[i], i < c->fingers ? c->max_n : 0.0);

@@ -2,6 +2,7 @@
 // The one limiter that every force leaves through. Real-time thread.
 #include "gloved/force.h"
 
+#include <assert.h>
 #include <string.h>
 
 gv_limiter_config gv_limiter_config_default(void) {
@@ -13,6 +14,7 @@ gv_limiter_config gv_limiter_config_default(void) {
 }
 
 void gv_limiter_init(gv_limiter *limiter, const gv_limiter_config *cfg) {
+  assert(gv_limiter_check(cfg) == NULL);
   memset(limiter, 0, sizeof *limiter);
   limiter->cfg = *cfg;
 }
@@ -20,6 +22,7 @@ void gv_limiter_init(gv_limiter *limiter, const gv_limiter_config *cfg) {
 // At least the pretension, at most the channel's maximum, never faster up than the slew limit.
 static double limit_channel(const gv_limiter *l, double max_n, double desired, double last, double dt_s,
                             unsigned *flags) {
+  assert(max_n >= 0.0 && last >= 0.0 && dt_s >= 0.0);
   const gv_limiter_config *c = &l->cfg;
   const double rise_s = l->longest_rise_s > 0.0 ? fmin(dt_s, l->longest_rise_s) : dt_s;
   double want = desired > c->pretension_n ? desired : c->pretension_n;
@@ -52,6 +55,7 @@ unsigned gv_limiter_step(gv_limiter *l, const double desired_n[GV_FINGERS], bool
     double max_n = fmin(c->max_n, c->finger_max_n[i]);
     double next = doubt ? last - fall : limit_channel(l, max_n, desired_n[i], last, dt_s, &flags);
     l->out_n[i] = out_n[i] = next > 0.0 ? fmin(next, max_n) : 0.0;
+    assert(out_n[i] >= 0.0 && out_n[i] <= max_n);
   }
   return flags;
 }

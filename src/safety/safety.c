@@ -2,6 +2,7 @@
 // The safety state machine (drawn in gloved/safety.h). Real-time thread; pure.
 #include "gloved/safety.h"
 
+#include <assert.h>
 #include <math.h>
 #include <stddef.h>
 
@@ -19,6 +20,7 @@ gv_safety_config gv_safety_config_default(void) {
 }
 
 void gv_safety_init(gv_safety *s, const gv_safety_config *cfg) {
+  assert(gv_safety_check(cfg) == NULL);
   *s = (gv_safety){.cfg = *cfg, .state = GV_SAFETY_START};
 }
 
@@ -32,6 +34,7 @@ static const uint32_t passing = GV_FAULT_GLOVE_STALE | GV_FAULT_TRACKER_STALE | 
 
 // Events leak away over the window: the level is about their count within it.
 static double leak(double level, unsigned events, double dt_s, double window_s) {
+  assert(level >= 0.0 && dt_s > 0.0);
   double kept = window_s > dt_s ? level * (1.0 - dt_s / window_s) : 0.0;
   return kept + events;
 }
@@ -105,6 +108,7 @@ gv_safety_state gv_safety_step(gv_safety *s, const gv_safety_input *in, double d
   } else {
     s->faults = 0;
   }
+  assert(next != GV_SAFETY_FAULT || s->faults != 0);
   s->state = next;
   return next;
 }

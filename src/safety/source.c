@@ -2,6 +2,7 @@
 // Age and rate of a source (source.h). Real-time thread; pure.
 #include "safety/source.h"
 
+#include <assert.h>
 #include <math.h>
 
 // A shared machine stalls for up to 30 ms now and then, and a real tracker's records come up to 30 ms late.
@@ -31,6 +32,7 @@ double gv_source_age_s(const gv_source *s, int64_t now_ns, double max_age_s) {
 }
 
 double gv_source_largest_age_s(double interval_s, double max_age_s) {
+  assert(max_age_s > 0.0);
   if (!(interval_s > 0.0))
     return max_age_s;
   return fmin(max_age_s, jitter_s + 2.0 * interval_s);

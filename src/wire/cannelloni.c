@@ -4,6 +4,7 @@
 //   u32 identifier (bit 31 extended, 30 remote, 29 error) | u8 length (bit 7: CAN FD) | FD: u8 flags |
 //   data (remote: none)
 // Bounded by the buffers given; pure, any thread.
+#include <assert.h>
 #include <string.h>
 
 #include "gloved/drivers.h"
@@ -28,6 +29,7 @@ static bool frame_sound(const gv_frame *frame) {
 static size_t data_bytes(const gv_frame *frame) { return frame->flags & GV_FRAME_REMOTE ? 0 : frame->len; }
 
 static uint8_t *put_frame(uint8_t *p, const gv_frame *frame) {
+  assert(frame->len <= GV_FRAME_DATA && frame->id <= ID_MASK);
   uint8_t f = frame->flags;
   uint32_t id = frame->id | (f & GV_FRAME_EXTENDED ? ID_EXTENDED : 0) |
                 (f & GV_FRAME_REMOTE ? ID_REMOTE : 0) | (f & GV_FRAME_ERROR ? ID_ERROR : 0);

@@ -2,6 +2,7 @@
 // The four messages on classic CAN (fcu.h, data/gloved.dbc): an FD frame cut into frames of at most 8 bytes
 // and joined again. Where each field goes stands in tables, in half-bytes, least significant first. Pure; any
 // thread.
+#include <assert.h>
 #include <string.h>
 
 #include "gloved/fcu.h"
@@ -46,14 +47,23 @@ typedef struct message {
 } message;
 
 #define FIELDS(table) (table), (int)(sizeof(table) / sizeof *(table))
+_Static_assert((int)GLOVE_PARTS <= (int)GV_CLASSIC_FRAMES && (int)POSE_PARTS <= (int)GV_CLASSIC_FRAMES,
+               "a message fits its parts");
+_Static_assert(SENSOR_FD + SENSOR_NIBBLES * SENSORS_BY_RULE <= 2 * 48,
+               "the sensors lie in the glove's frame");
+_Static_assert((COMMAND_COUNTERS & (COMMAND_COUNTERS - 1)) == 0, "a counter is taken by a mask");
 static const message layout[MESSAGES] = {
   {GV_ID_GLOVE, GV_ID_GLOVE_CLASSIC, 48, GLOVE_PARTS, {8, 8, 8, 8, 8, 8}, FIELDS(glove_field)},
   {GV_ID_POSE, GV_ID_POSE_CLASSIC, 48, POSE_PARTS, {7, 7, 7, 5, 5, 5, 5, 5}, FIELDS(pose_field)},
   {GV_ID_STATUS, GV_ID_STATUS_CLASSIC, 20, STATUS_PARTS, {8, 8, 6}, FIELDS(status_field)},
 };
 
-static unsigned get_nibble(const uint8_t *data, int at) { return data[at / 2] >> (at % 2 * 4) & 15u; }
+static unsigned get_nibble(const uint8_t *data, int at) {
+  assert(at >= 0);
+  return data[at / 2] >> (at % 2 * 4) & 15u;
+}
 static void put_nibble(uint8_t *data, int at, unsigned value) {
+  assert(at >= 0 && at < 2 * GV_FRAME_DATA && value < 16);
   data[at / 2] = (uint8_t)((data[at / 2] & ~(15u << (at % 2 * 4))) | value << (at % 2 * 4));
 }
 static void copy_nibbles(uint8_t *to, int to_at, const uint8_t *from, int from_at, int count) {
@@ -153,6 +163,7 @@ static bool is_part_of(const message *m, const gv_frame *frame) {
 
 // The message of the kind that the frame belongs to: one under way, or a new one in the place of the oldest.
 static gv_classic_begun *begun_for(gv_classic_join *join, int kind, uint8_t counter) {
+  assert(kind >= 0 && kind < MESSAGES);
   const message *m = &layout[kind];
   gv_classic_begun *oldest = join->begun[kind];
   for (int i = 0; i < GV_CLASSIC_UNDER_WAY; i++) {

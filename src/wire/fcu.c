@@ -3,10 +3,15 @@
 // and back. Pure, any thread; encoding or decoding one frame takes about 0.3 us, most of it the checksum.
 #include "gloved/fcu.h"
 
+#include <assert.h>
 #include <string.h>
 
 enum { GLOVE_BYTES = 48, POSE_BYTES = 48, STATUS_BYTES = 20, COMMAND_BYTES = 20, EFFORT_BYTES = 8 };
 enum { GLOVE_BIT = 80, STATUS_BIT = 80, COMMAND_BIT = 64, FIELD_BITS = 12, FIELD_MAX = 4095 };
+_Static_assert(GLOVE_BIT + GV_SENSORS * FIELD_BITS <= 8 * GLOVE_BYTES, "the sensors fit their frame");
+_Static_assert(STATUS_BIT + GV_FINGERS * FIELD_BITS <= 8 * STATUS_BYTES, "the tensions fit their frame");
+_Static_assert(COMMAND_BIT + GV_FINGERS * FIELD_BITS <= 8 * COMMAND_BYTES, "the forces fit their frame");
+_Static_assert(FIELD_MAX == (1 << FIELD_BITS) - 1, "twelve bits");
 static const double quat_one = 1073741824.0;  // 2^30 counts
 static const double counts_per_m = 1e7;
 
@@ -37,6 +42,7 @@ static int32_t get_i32(const uint8_t *p) {
 
 // Twelve bits at any multiple of four bits, least significant first.
 static void put_12(uint8_t *data, int bit, uint32_t v) {
+  assert(bit >= 0 && bit % 4 == 0 && bit + FIELD_BITS <= 8 * GV_FRAME_DATA && v <= FIELD_MAX);
   uint8_t *p = data + bit / 8;
   if (bit % 8 == 0) {
     p[0] = (uint8_t)v;
@@ -47,6 +53,7 @@ static void put_12(uint8_t *data, int bit, uint32_t v) {
   }
 }
 static uint16_t get_12(const uint8_t *data, int bit) {
+  assert(bit >= 0 && bit % 4 == 0 && bit + FIELD_BITS <= 8 * GV_FRAME_DATA);
   return (get_u16(data + bit / 8) >> bit % 8) & FIELD_MAX;
 }
 
@@ -65,12 +72,14 @@ static uint32_t to_tension(double tension_n, double rounding) {
 static uint32_t to_age(uint32_t age_us) { return age_us > 655350 ? 65535 : (age_us + 9) / 10; }
 
 static uint16_t frame_checksum(const gv_frame *frame) {
+  assert(frame->len >= 4);
   const uint8_t head[6] = {
     (uint8_t)frame->id, (uint8_t)(frame->id >> 8), frame->data[0], frame->data[1], 0, 0};
   return gv_crc16(gv_crc16(0xffff, head, sizeof head), frame->data + 4, (size_t)(frame->len - 4));
 }
 
 static void start_frame(gv_frame *out, uint32_t id, uint8_t len, uint8_t counter, uint8_t flags) {
+  assert(len <= GV_FRAME_DATA && gv_frame_fd_length(len) == len);
   out->id = id;
   out->flags = GV_FRAME_FD | GV_FRAME_BRS;
   out->len = len;

@@ -2,9 +2,11 @@
 // The sliding window of framer.h. Pure; any thread.
 #include "wire/framer.h"
 
+#include <assert.h>
 #include <string.h>
 
 static void drop(framer *f, int count) {
+  assert(count >= 0 && count <= f->count);
   f->count -= count;
   memmove(f->byte, f->byte + count, (size_t)f->count);
 }
@@ -17,11 +19,13 @@ static void throw_away(framer *f) {
 }
 
 int gv_framer_push(framer *f, uint8_t byte, framer_scan scan, const void *format) {
+  assert(f->count - f->taken >= 0 && f->count - f->taken < FRAMER_BYTES);
   drop(f, f->taken);
   f->taken = 0;
   f->byte[f->count++] = byte;
   while (f->count > 0) {
     int length = scan(format, f->byte, f->count);
+    assert(length <= f->count);
     if (length == 0 && f->count < FRAMER_BYTES)
       return 0;
     if (length > 0) {

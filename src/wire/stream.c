@@ -20,6 +20,7 @@ static void remove_gap(gv_stream *stream, int number) {
 
 // Counters from `first` on never came so far. Returns the gaps that had to be given up for this one.
 static unsigned open_gap(gv_stream *stream, uint8_t first, uint8_t count, int64_t now_ns) {
+  assert(count > 0 && count < HALF);
   const bool full = stream->gaps == GV_STREAM_GAPS;
   for (int i = 0; i < count; i++)
     stream->missing[(uint8_t)(first + i)] = true;
@@ -31,6 +32,7 @@ static unsigned open_gap(gv_stream *stream, uint8_t first, uint8_t count, int64_
 }
 
 static void fill_gap(gv_stream *stream, uint8_t counter) {
+  assert(stream->gaps >= 0 && stream->gaps <= GV_STREAM_GAPS);
   stream->missing[counter] = false;
   for (int i = 0; i < stream->gaps; i++) {
     gv_stream_gap *gap = &stream->gap[i];

@@ -4,6 +4,10 @@
 // the slow thread reads at any time and may see a duration counted that its bin does not show yet.
 #include "daemon/loop/histogram.h"
 
+#include <assert.h>
+
+_Static_assert(GV_HISTOGRAM_BINS % GV_HISTOGRAM_COARSE == 0, "coarse bins are whole bins");
+
 static int bin_of(uint64_t ns) {
   if (ns >> GV_HISTOGRAM_MAX_BITS)
     return GV_HISTOGRAM_BINS - 1;
@@ -14,6 +18,7 @@ static int bin_of(uint64_t ns) {
 }
 
 static int64_t upper_edge_ns(int bin) {
+  assert(bin >= 0 && bin < GV_HISTOGRAM_BINS);
   int shift = (bin >> GV_HISTOGRAM_SUB_BITS) - 1;
   if (shift <= 0)
     return bin;
@@ -36,6 +41,7 @@ void gv_histogram_add(gv_histogram *histogram, int64_t duration_ns) {
 }
 
 int64_t gv_histogram_quantile_ns(const gv_histogram *histogram, double fraction) {
+  assert(fraction >= 0.0 && fraction <= 1.0);
   uint64_t count = atomic_load_explicit(&histogram->count, memory_order_relaxed);
   uint64_t seen = 0;
   int64_t max_ns = atomic_load_explicit(&histogram->max_ns, memory_order_relaxed);

@@ -44,6 +44,7 @@ gv_rung gv_ladder_choose(gv_ladder *l, int64_t left_ns) {
 static void follow(int64_t *cost_ns, int64_t took_ns, int parts) { *cost_ns += (took_ns - *cost_ns) / parts; }
 
 void gv_ladder_measure(gv_ladder *l, gv_rung rung, int64_t took_ns) {
+  assert(rung >= GV_RUNG_FULL && took_ns >= 0);
   assert(rung < GV_RUNG_HOLD);
   const int64_t most_ns = 2 * l->period_ns;
   const int64_t counted_ns = took_ns < most_ns ? took_ns : most_ns;

@@ -7,6 +7,7 @@
 #include <assert.h>
 
 void gv_ring_init(gv_ring *ring, void *slots, size_t slot_size, uint32_t slot_count) {
+  assert(slots && slot_size > 0);
   assert(slot_count > 0 && (slot_count & (slot_count - 1)) == 0);
   ring->slot = slots;
   ring->slot_size = slot_size;
@@ -34,6 +35,7 @@ void *gv_ring_reserve(gv_ring *ring) {
 }
 
 void gv_ring_commit(gv_ring *ring) {
+  assert(gv_ring_space(ring) > 0);
   uint32_t written = atomic_load_explicit(&ring->written, memory_order_relaxed);
   atomic_store_explicit(&ring->written, written + 1, memory_order_release);
 }

@@ -8,12 +8,14 @@
 // simulation never runs backwards.
 #include "daemon/loop/session.h"
 
+#include <assert.h>
 #include <math.h>
 #include <string.h>
 
 static const double farthest_m = 100.0;  // of the tracker's receiver from the origin
 
 void gv_session_init(gv_session *session, const gv_session_config *cfg, gv_engine *engine) {
+  assert(cfg->period_s > 0.0 && engine);
   *session = (gv_session){
     .cfg = *cfg, .engine = engine, .glove_age_s = HUGE_VAL, .hand_age_s = HUGE_VAL, .status_age_s = HUGE_VAL};
   session->hand.T_world_receiver = session->sample.T_world_receiver = gv_pose_identity();
@@ -119,6 +121,7 @@ static gv_fcu_error take_status(gv_session *session, const gv_frame *frame, int6
 }
 
 void gv_session_set_rung(gv_session *session, gv_rung rung) {
+  assert((unsigned)rung < GV_RUNGS);
   static const gv_effort of_rung[] = {
     [GV_RUNG_FULL] = {1.0, GV_MAX_CONTACTS},
     [GV_RUNG_SOLVER] = {0.25, GV_MAX_CONTACTS},
@@ -158,6 +161,7 @@ static void take_frame(gv_session *session, const gv_frame *frame, int64_t now_n
 
 // All frames of a period, and what the gaps in their counters amount to.
 static void take_frames(gv_session *session, const gv_frame *frame, int count, int64_t now_ns) {
+  assert(count >= 0);
   uint16_t order[GV_ORDER_MAX];
   for (int first = 0; first < count; first += GV_ORDER_MAX) {
     const int here = count - first < GV_ORDER_MAX ? count - first : GV_ORDER_MAX;

@@ -2,9 +2,12 @@
 // The clock that follows a device (sync.h): a phase-locked loop of first order with a bounded pull.
 #include "daemon/loop/sync.h"
 
+#include <assert.h>
+
 enum { GAIN = 8, PULL_MAX = 50 };  // parts of the error, and of the period, by which the clock moves at once
 
 void gv_sync_init(gv_sync *sync, int64_t period_ns) {
+  assert(period_ns > 0);
   *sync = (gv_sync){.period_ns = period_ns, .interval_ns = period_ns};
 }
 
@@ -33,6 +36,7 @@ int64_t gv_sync_follow(const gv_sync *sync, int64_t due_ns, int64_t frame_ns) {
     pull_ns = most_ns;
   if (pull_ns < -most_ns)
     pull_ns = -most_ns;
+  assert(pull_ns >= -most_ns && pull_ns <= most_ns);
   return due_ns + pull_ns;
 }
 
