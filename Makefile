@@ -188,8 +188,8 @@ test-scenes: scenes $(B)/test/test_grasp
 .PRECIOUS: build/meshes/%.obj
 
 ## golden: write the traces' golden hashes anew (then say in the commit why they changed)
-golden: $(B)/test/test_replay
-	$(Q)$< --update
+golden: $(B)/test/test_replay $(B)/test/test_assembly
+	$(Q)$< --update && $(B)/test/test_assembly --update
 
 ## traces: record every trace anew through the wire, in real time, and their golden hashes
 traces: $(B)/gloved $(B)/fcusim
