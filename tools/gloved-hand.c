@@ -28,19 +28,20 @@
 #include "tools/program.h"
 
 static const char help_text[] =
-  "gloved-hand: keys move the hand of a running gloved --fcu hand:, no glove needed.\n"
-  "\n"
-  "  --port N            as gloved's --fcu hand:?listen=N (20500)\n"
-  "  --help, --version\n"
-  "\n"
-  "  arrows or w a s d   the wrist 1 cm forward, left, back, right     e c, Page Up, Page Down   up, down\n"
-  "  i k   j l   u o     turn it by 5 degrees: pitch, yaw, roll        space   close the hand, or open it\n"
-  "  + -                 close or open by a tenth                      1 to 5  thumb to little finger alone\n"
-  "  r                   hand and objects back to the start\n"
-  "  g                   let go of the dead-man switch, or press it\n"
-  "  q                   end\n"
-  "\n"
-  "Exit codes: 0 done, 1 no gloved answers, 2 bad usage.\n";
+    "gloved-hand: keys move the hand of a running gloved --fcu hand:, no glove needed.\n"
+    "\n"
+    "  --port N            as gloved's --fcu hand:?listen=N (20500)\n"
+    "  --help, --version\n"
+    "\n"
+    "  arrows or w a s d   the wrist 1 cm forward, left, back, right     e c, Page Up, Page Down   up, down\n"
+    "  i k   j l   u o     turn it by 5 degrees: pitch, yaw, roll        space   close the hand, or open it\n"
+    "  + -                 close or open by a tenth                      1 to 5  thumb to little finger "
+    "alone\n"
+    "  r                   hand and objects back to the start\n"
+    "  g                   let go of the dead-man switch, or press it\n"
+    "  q                   end\n"
+    "\n"
+    "Exit codes: 0 done, 1 no gloved answers, 2 bad usage.\n";
 
 enum { EVERY_MS = 20, WAIT_ANSWER_MS = 5000, PRESS_AFTER_MS = 500, RESET_AFTER_MS = 800, KEYS = 64 };
 static const double shift_m = 0.01, turn_rad = 5.0 * GV_PI / 180.0, tenth = 0.1, reach_m = 1.0;
@@ -49,17 +50,20 @@ typedef struct client {
   int fd;
   gv_hand_input want;
   gv_hand_output now;
-  bool answered;               // at least once
-  bool grasping;               // where space has left the fingers
-  int64_t answer_ms;           // of the newest answer
-  int64_t press_ms;            // when the switch is to be pressed; 0: it is, or was let go on purpose
-  int64_t reset_ms;            // when objects are to be put back; 0: not
-  pid_t reset;                 // gloved-command at work; 0: none
-  const char *said;            // newest line for the person
+  bool answered;      // at least once
+  bool grasping;      // where space has left the fingers
+  int64_t answer_ms;  // of the newest answer
+  int64_t press_ms;   // when the switch is to be pressed; 0: it is, or was let go on purpose
+  int64_t reset_ms;   // when objects are to be put back; 0: not
+  pid_t reset;        // gloved-command at work; 0: none
+  const char *said;   // newest line for the person
 } client;
 
 static volatile sig_atomic_t interrupted;
-static void on_signal(int number) { (void)number; interrupted = 1; }
+static void on_signal(int number) {
+  (void)number;
+  interrupted = 1;
+}
 
 static int64_t now_ms(void) {
   struct timespec t;
@@ -70,8 +74,8 @@ static int64_t now_ms(void) {
 // ---- datagrams ------------------------------------------------------------------------------------
 
 static int connect_to(client *c, unsigned port) {
-  const struct sockaddr_in to = {.sin_family = AF_INET, .sin_port = htons((uint16_t)port),
-                                 .sin_addr.s_addr = htonl(INADDR_LOOPBACK)};
+  const struct sockaddr_in to = {
+    .sin_family = AF_INET, .sin_port = htons((uint16_t)port), .sin_addr.s_addr = htonl(INADDR_LOOPBACK)};
   c->fd = socket(AF_INET, SOCK_DGRAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0);
   return c->fd < 0 ? -1 : connect(c->fd, (const struct sockaddr *)&to, sizeof to);
 }
@@ -89,7 +93,8 @@ static void read_answers(client *c) {
   uint8_t bytes[GV_HAND_OUTPUT_BYTES + 1];
   ssize_t n;
   while ((n = recv(c->fd, bytes, sizeof bytes, 0)) > 0) {
-    if (!gv_hand_output_unpack(bytes, (size_t)n, &c->now)) continue;
+    if (!gv_hand_output_unpack(bytes, (size_t)n, &c->now))
+      continue;
     c->answered = true;
     c->answer_ms = now_ms();
   }
@@ -102,7 +107,8 @@ static int find_hand(client *c) {
     send_wish(c, GV_HAND_INPUT_ASK);
     poll(&(struct pollfd){c->fd, POLLIN, 0}, 1, EVERY_MS);
     read_answers(c);
-    if (!c->answered) nanosleep(&(struct timespec){0, EVERY_MS * 1000000L}, NULL);
+    if (!c->answered)
+      nanosleep(&(struct timespec){0, EVERY_MS * 1000000L}, NULL);
   }
   c->want.T_world_wrist = c->now.T_world_wrist;
   return c->answered ? 0 : -1;
@@ -125,11 +131,13 @@ static void turn(client *c, double x, double y, double z) {
 }
 
 static void grip_all(client *c, double grip) {
-  for (int f = 0; f < GV_FINGERS; f++) c->want.grip[f] = gv_clamp(grip, 0.0, 1.0);
+  for (int f = 0; f < GV_FINGERS; f++)
+    c->want.grip[f] = gv_clamp(grip, 0.0, 1.0);
 }
 
 static void grip_more(client *c, double more) {
-  for (int f = 0; f < GV_FINGERS; f++) c->want.grip[f] = gv_clamp(c->want.grip[f] + more, 0.0, 1.0);
+  for (int f = 0; f < GV_FINGERS; f++)
+    c->want.grip[f] = gv_clamp(c->want.grip[f] + more, 0.0, 1.0);
 }
 
 static void turn_over(double *grip) { *grip = *grip < 0.5 ? 1.0 : 0.0; }
@@ -140,8 +148,10 @@ static void let_go(client *c) {
 }
 
 static void toggle_switch(client *c) {
-  if (c->want.flags & GV_HAND_INPUT_DEAD_MAN) let_go(c);
-  else c->want.flags = GV_HAND_INPUT_DEAD_MAN;
+  if (c->want.flags & GV_HAND_INPUT_DEAD_MAN)
+    let_go(c);
+  else
+    c->want.flags = GV_HAND_INPUT_DEAD_MAN;
 }
 
 // The hand lets go and goes home; then, with no force left, the objects are put back and the switch is
@@ -170,13 +180,22 @@ static bool obey(client *c, char key) {
     case 'l': turn(c, 0, 0, -1); break;
     case 'u': turn(c, 0, 1, 0); break;
     case 'o': turn(c, 0, -1, 0); break;
-    case ' ': c->grasping = !c->grasping; grip_all(c, c->grasping ? 1.0 : 0.0); break;
-    case '+': case '=': grip_more(c, tenth); break;
+    case ' ':
+      c->grasping = !c->grasping;
+      grip_all(c, c->grasping ? 1.0 : 0.0);
+      break;
+    case '+':
+    case '=': grip_more(c, tenth); break;
     case '-': grip_more(c, -tenth); break;
-    case '1': case '2': case '3': case '4': case '5': turn_over(&c->want.grip[key - '1']); break;
+    case '1':
+    case '2':
+    case '3':
+    case '4':
+    case '5': turn_over(&c->want.grip[key - '1']); break;
     case 'g': toggle_switch(c); break;
     case 'r': go_home(c); break;
-    case 'q': case 3: return false;
+    case 'q':
+    case 3: return false;
     default: break;
   }
   return true;
@@ -184,14 +203,17 @@ static bool obey(client *c, char key) {
 
 // The letter for an escape sequence, 0 where it is none of ours; *length: its bytes.
 static char letter_of(const char *key, int count, int *length) {
-  static const struct { const char *sequence; char letter; } known[] = {
-    {"\033[A", 'w'}, {"\033[B", 's'}, {"\033[D", 'a'}, {"\033[C", 'd'}, {"\033OA", 'w'}, {"\033OB", 's'},
-    {"\033OD", 'a'}, {"\033OC", 'd'}, {"\033[5~", 'e'}, {"\033[6~", 'c'}};
+  static const struct {
+    const char *sequence;
+    char letter;
+  } known[] = {{"\033[A", 'w'}, {"\033[B", 's'}, {"\033[D", 'a'}, {"\033[C", 'd'},  {"\033OA", 'w'},
+               {"\033OB", 's'}, {"\033OD", 'a'}, {"\033OC", 'd'}, {"\033[5~", 'e'}, {"\033[6~", 'c'}};
   for (size_t i = 0; i < sizeof known / sizeof *known; i++) {
     *length = (int)strlen(known[i].sequence);
-    if (*length <= count && memcmp(key, known[i].sequence, (size_t)*length) == 0) return known[i].letter;
+    if (*length <= count && memcmp(key, known[i].sequence, (size_t)*length) == 0)
+      return known[i].letter;
   }
-  *length = count;             // unknown: the rest of what was read belongs to it
+  *length = count;  // unknown: the rest of what was read belongs to it
   return 0;
 }
 
@@ -199,11 +221,13 @@ static char letter_of(const char *key, int count, int *length) {
 static bool take_keys(client *c) {
   char key[KEYS];
   const ssize_t n = read(STDIN_FILENO, key, sizeof key);
-  if (n <= 0) return n < 0 && (errno == EINTR || errno == EAGAIN);
+  if (n <= 0)
+    return n < 0 && (errno == EINTR || errno == EAGAIN);
   for (int i = 0, length = 1; i < n; i += length) {
     length = 1;
     const char letter = key[i] == '\033' ? letter_of(key + i, (int)n - i, &length) : key[i];
-    if (!obey(c, letter)) return false;
+    if (!obey(c, letter))
+      return false;
   }
   return true;
 }
@@ -219,12 +243,15 @@ static void start_reset(client *c) {
   const ssize_t n = readlink("/proc/self/exe", path, sizeof path - sizeof "/gloved-command");
   posix_spawn_file_actions_t quiet;
   c->reset_ms = 0;
-  if (n <= 0) return;
+  if (n <= 0)
+    return;
   path[n] = '\0';
   snprintf(strrchr(path, '/'), sizeof "/gloved-command", "/gloved-command");
   posix_spawn_file_actions_init(&quiet);
-  for (int fd = 0; fd <= 2; fd++) posix_spawn_file_actions_addopen(&quiet, fd, "/dev/null", O_RDWR, 0);
-  if (posix_spawn(&c->reset, path, &quiet, NULL, arguments, environ) != 0) c->reset = 0;
+  for (int fd = 0; fd <= 2; fd++)
+    posix_spawn_file_actions_addopen(&quiet, fd, "/dev/null", O_RDWR, 0);
+  if (posix_spawn(&c->reset, path, &quiet, NULL, arguments, environ) != 0)
+    c->reset = 0;
   posix_spawn_file_actions_destroy(&quiet);
 }
 
@@ -235,7 +262,8 @@ static void look_at_reset(client *c, int64_t ms) {
     start_reset(c);
     c->press_ms = ms + PRESS_AFTER_MS;
   }
-  if (c->reset <= 0 || waitpid(c->reset, &status, WNOHANG) != c->reset) return;
+  if (c->reset <= 0 || waitpid(c->reset, &status, WNOHANG) != c->reset)
+    return;
   c->reset = 0;
   c->said = status == 0 ? "objects back at their start" : "the objects stay: gloved-command reset says why";
 }
@@ -243,18 +271,23 @@ static void look_at_reset(client *c, int64_t ms) {
 // ---- what the person sees -------------------------------------------------------------------------
 
 static const char *state_of(const client *c, int64_t ms) {
-  if (ms - c->answer_ms > 500) return "gloved is silent";
-  if (c->now.flags & GV_HAND_OUTPUT_OTHER) return "somebody else moves the hand";
-  if (!(c->now.flags & GV_HAND_OUTPUT_DEAD_MAN)) return "switch open: no forces";
+  if (ms - c->answer_ms > 500)
+    return "gloved is silent";
+  if (c->now.flags & GV_HAND_OUTPUT_OTHER)
+    return "somebody else moves the hand";
+  if (!(c->now.flags & GV_HAND_OUTPUT_DEAD_MAN))
+    return "switch open: no forces";
   return c->now.flags & GV_HAND_OUTPUT_FORCES ? "forces shown, none leave" : "switch held";
 }
 
 static void draw(const client *c, int64_t ms) {
   const gv_vec3 p = c->now.T_world_wrist.p;
   printf("\r\033[Kwrist %+4.0f %+4.0f %+4.0f mm  grip", 1e3 * p.x, 1e3 * p.y, 1e3 * p.z);
-  for (int i = 0; i < GV_FINGERS; i++) printf(" %3.0f", 100 * c->now.grip[i]);
+  for (int i = 0; i < GV_FINGERS; i++)
+    printf(" %3.0f", 100 * c->now.grip[i]);
   printf(" %%  force");
-  for (int i = 0; i < GV_FINGERS; i++) printf(" %4.1f", c->now.tension_n[i]);
+  for (int i = 0; i < GV_FINGERS; i++)
+    printf(" %4.1f", c->now.tension_n[i]);
   printf(" N  %s%s%s", state_of(c, ms), c->said ? "; " : "", c->said ? c->said : "");
   fflush(stdout);
 }
@@ -268,13 +301,17 @@ static void run(client *c) {
     struct pollfd wait[] = {{STDIN_FILENO, POLLIN, 0}, {c->fd, POLLIN, 0}};
     const int64_t left_ms = next_ms - now_ms();
     poll(wait, 2, left_ms > 0 ? (int)left_ms : 0);
-    if (wait[0].revents && !take_keys(c)) return;
+    if (wait[0].revents && !take_keys(c))
+      return;
     read_answers(c);
     const int64_t ms = now_ms();
-    if (ms < next_ms) continue;
+    if (ms < next_ms)
+      continue;
     next_ms = ms + EVERY_MS;
-    if (c->press_ms && ms >= c->press_ms) c->want.flags = GV_HAND_INPUT_DEAD_MAN;
-    if (c->press_ms && ms >= c->press_ms) c->press_ms = 0;
+    if (c->press_ms && ms >= c->press_ms)
+      c->want.flags = GV_HAND_INPUT_DEAD_MAN;
+    if (c->press_ms && ms >= c->press_ms)
+      c->press_ms = 0;
     look_at_reset(c, ms);
     send_wish(c, c->reset_ms ? GV_HAND_INPUT_HOME : 0);
     draw(c, ms);
@@ -284,9 +321,11 @@ static void run(client *c) {
 static int read_port(int argc, char **argv, unsigned *out) {
   char *end;
   *out = GV_HAND_INPUT_PORT;
-  if (argc == 1) return 0;
+  if (argc == 1)
+    return 0;
   const unsigned long port = argc == 3 && strcmp(argv[1], "--port") == 0 ? strtoul(argv[2], &end, 10) : 0;
-  if (port < 1 || port > 65535 || *end) return -1;
+  if (port < 1 || port > 65535 || *end)
+    return -1;
   *out = (unsigned)port;
   return 0;
 }
@@ -313,7 +352,8 @@ int main(int argc, char **argv) {
   static client c;
   unsigned port;
   gv_keep_standard_files();
-  if (program_answers(argc, argv, help_text)) return 0;
+  if (program_answers(argc, argv, help_text))
+    return 0;
   if (read_port(argc, argv, &port)) {
     fputs("gloved-hand: only --port N, 1 to 65535; see gloved-hand --help\n", stderr);
     return 2;

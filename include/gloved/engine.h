@@ -18,53 +18,64 @@ extern "C" {
 #endif
 
 typedef enum gv_rotation_law { GV_ROTATION_LOG, GV_ROTATION_PAPER } gv_rotation_law;
-// newton: ours, exact. dantzig: ODE's exact one, solved again until its friction is Coulomb's. quickstep: ODE's iterative
-// one. Where the one that was asked for has no answer within its share of the period, quickstep does the step.
-// auto: newton; what it leaves goes to dantzig where that fits, else to quickstep.
-typedef enum gv_solver { GV_SOLVER_AUTO, GV_SOLVER_NEWTON, GV_SOLVER_DANTZIG, GV_SOLVER_QUICKSTEP, GV_SOLVERS } gv_solver;
-const char *gv_solver_name(gv_solver solver); // "auto", "newton", ...
+// newton: ours, exact. dantzig: ODE's exact one, solved again until its friction is Coulomb's. quickstep:
+// ODE's iterative one. Where the one that was asked for has no answer within its share of the period,
+// quickstep does the step. auto: newton; what it leaves goes to dantzig where that fits, else to quickstep.
+typedef enum gv_solver {
+  GV_SOLVER_AUTO,
+  GV_SOLVER_NEWTON,
+  GV_SOLVER_DANTZIG,
+  GV_SOLVER_QUICKSTEP,
+  GV_SOLVERS
+} gv_solver;
+const char *gv_solver_name(gv_solver solver);  // "auto", "newton", ...
 
 // Spring-damper of one limb (Eqn 1, 2), integrated by backward Euler.
 typedef struct gv_coupling {
-  double k_f;       // N/m
-  double d_f;       // N s/m; below 0: critical damping 2 sqrt(k m)
-  double k_t;       // N m/rad in the log law; in the paper's law the small-angle stiffness is 2 k_t
-  double d_t;       // N m s/rad; below 0: critical damping of the mean inertia
+  double k_f;  // N/m
+  double d_f;  // N s/m; below 0: critical damping 2 sqrt(k m)
+  double k_t;  // N m/rad in the log law; in the paper's law the small-angle stiffness is 2 k_t
+  double d_t;  // N m s/rad; below 0: critical damping of the mean inertia
 } gv_coupling;
 
 typedef struct gv_config {
-  double step_s;               // integration step h
-  double period_s;             // of the loop that calls the step: the solvers' time is a share of it; 0: step_s
+  double step_s;    // integration step h
+  double period_s;  // of the loop that calls the step: the solvers' time is a share of it;
+                    // 0: step_s
   gv_hand_model hand;
   gv_calibration calibration;
-  gv_pose T_receiver_wrist;    // wrist joint seen from the tracker's receiver
+  gv_pose T_receiver_wrist;  // wrist joint seen from the tracker's receiver
   double limb_mass_kg, palm_mass_kg;
   gv_coupling limb, palm;
   gv_rotation_law rotation_law;
-  bool limb_gravity;           // gravity acts on the limbs' own mass (the paper's world has it)
-  double filter_hz;            // highest corner of the critically damped sample filter; 0: off. Delay 1 / (pi corner)
-  double filter_rest_hz;       // corner for what stands still; it goes up with speed, to filter_hz at 0.64 rad/s
-                               // or 0.29 m/s. 0: filter_hz always
-  double gate_rad_s;           // a joint that is faster than this from one sample to the next (10 ms at the least) is held
-                               // back until a second sample agrees; 0: off
-  double gate_m_s;             // the same for the tracker's position (its orientation goes by gate_rad_s)
-  double prediction_s;         // extrapolate the filtered hand by this much along its velocity; 0: off, as without the filter
-  double operations_per_s;     // counted operations of collision detection that this machine does in a second: the process
-                               // measures it at start, a replay takes the default, so that it does not depend on the machine
+  bool limb_gravity;        // gravity acts on the limbs' own mass (the paper's world has it)
+  double filter_hz;         // highest corner of the critically damped sample filter; 0: off. Delay 1
+                            // / (pi corner)
+  double filter_rest_hz;    // corner for what stands still; it goes up with speed, to filter_hz at
+                            // 0.64 rad/s or 0.29 m/s. 0: filter_hz always
+  double gate_rad_s;        // a joint that is faster than this from one sample to the next (10 ms at
+                            // the least) is held back until a second sample agrees; 0: off
+  double gate_m_s;          // the same for the tracker's position (its orientation goes by gate_rad_s)
+  double prediction_s;      // extrapolate the filtered hand by this much along its velocity; 0: off,
+                            // as without the filter
+  double operations_per_s;  // counted operations of collision detection that this machine does in a
+                            // second: the process measures it at start, a replay takes the default,
+                            // so that it does not depend on the machine
   // contact
-  gv_narrow narrow;            // which narrow phase finds distances and depths
-  gv_friction friction;        // of the hand's skin
-  double mu_hand;              // coefficient, or newtons
-  double contact_erp, contact_cfm; // on the normal row alone
-  double world_cfm;            // of friction rows, and of ODE's world; never 0
-  double contact_margin_m;     // gaps below this get a row that lets them close, but not overshoot
+  gv_narrow narrow;                 // which narrow phase finds distances and depths
+  gv_friction friction;             // of the hand's skin
+  double mu_hand;                   // coefficient, or newtons
+  double contact_erp, contact_cfm;  // on the normal row alone
+  double world_cfm;                 // of friction rows, and of ODE's world; never 0
+  double contact_margin_m;          // gaps below this get a row that lets them close, but not overshoot
   // dynamics
   gv_solver solver;
-  double rest_s;               // an object that lies still for so long and touches no limb is not simulated, and has
-                               // no contacts, until something that moves comes near; 0: off
+  double rest_s;  // an object that lies still for so long and touches no limb is not
+                  // simulated, and has no contacts, until something that moves comes near;
+                  // 0: off
   // the paper's Table 1 in place of the scene's own values; 0 or false: as the scene says
   double override_gravity_m_s2, override_mass_kg;
-  double override_mu;          // for every contact, in the model `friction`
+  double override_mu;  // for every contact, in the model `friction`
   bool override_sphere_inertia;
 } gv_config;
 
@@ -88,72 +99,75 @@ typedef struct gv_sample {
   bool glove_new, pose_new;
 } gv_sample;
 
-typedef enum gv_event {          // bits of gv_step_result.events
-  GV_EVENT_HAND_PLACED = 1 << 0, // first sample: the limbs were put onto the driver frames
-  GV_EVENT_SAMPLE_REFUSED = 1 << 1, // a sample that is no finite number: not taken
-  GV_EVENT_CONTACTS_DROPPED = 1 << 2, // more than GV_MAX_CONTACTS: the shallowest left out
-  GV_EVENT_PAIRS_DROPPED = 1 << 3, // more than GV_MAX_PAIRS: the last of the list left out
-  GV_EVENT_BODY_RESET = 1 << 4,  // a body's state was not finite or ran away: put back, velocity zero
-  GV_EVENT_OVERLAP = 1 << 5,     // cores overlapped (penetration beyond the radius)
-  GV_EVENT_PAIRS_LEFT_OVER = 1 << 7, // collision detection was over its budget: the least urgent pairs not asked
-  GV_EVENT_QUICKSTEP = 1 << 6,   // quickstep did a step that another solver was asked for
-  GV_EVENT_SAMPLE_JUMP = 1 << 8, // faster than a hand: held back until the next sample says the same
-  GV_EVENT_JOINT_BROKEN = 1 << 10, // a joint carried more than its break force: it is gone until the scene is reset
-  GV_EVENT_SAMPLE_NO_POSE = 1 << 9 // no unit quaternion, or farther than 100 m: not taken
+typedef enum gv_event {                // bits of gv_step_result.events
+  GV_EVENT_HAND_PLACED = 1 << 0,       // first sample: the limbs were put onto the driver frames
+  GV_EVENT_SAMPLE_REFUSED = 1 << 1,    // a sample that is no finite number: not taken
+  GV_EVENT_CONTACTS_DROPPED = 1 << 2,  // more than GV_MAX_CONTACTS: the shallowest left out
+  GV_EVENT_PAIRS_DROPPED = 1 << 3,     // more than GV_MAX_PAIRS: the last of the list left out
+  GV_EVENT_BODY_RESET = 1 << 4,        // a body's state was not finite or ran away: put back, velocity zero
+  GV_EVENT_OVERLAP = 1 << 5,           // cores overlapped (penetration beyond the radius)
+  GV_EVENT_PAIRS_LEFT_OVER = 1 << 7,   // collision detection was over its budget: the least urgent pairs
+                                       // not asked
+  GV_EVENT_QUICKSTEP = 1 << 6,         // quickstep did a step that another solver was asked for
+  GV_EVENT_SAMPLE_JUMP = 1 << 8,       // faster than a hand: held back until the next sample says the same
+  GV_EVENT_JOINT_BROKEN = 1 << 10,     // a joint carried more than its break force: it is gone until the
+                                       // scene is reset
+  GV_EVENT_SAMPLE_NO_POSE = 1 << 9     // no unit quaternion, or farther than 100 m: not taken
 } gv_event;
 
 typedef struct gv_contact {
-  int limb;                    // 0..15, or -1 - object index of body A
-  int object, piece;           // object index of body B, and its piece (gv_scene.piece)
-  gv_vec3 position_world, normal_world; // normal from B to A
-  double depth_m;              // negative: gap
-  gv_vec3 force_world;         // on A, newtons, of this step
-  uint16_t face;               // polygon of B, 0xffff none
+  int limb;                              // 0..15, or -1 - object index of body A
+  int object, piece;                     // object index of body B, and its piece (gv_scene.piece)
+  gv_vec3 position_world, normal_world;  // normal from B to A
+  double depth_m;                        // negative: gap
+  gv_vec3 force_world;                   // on A, newtons, of this step
+  uint16_t face;                         // polygon of B, 0xffff none
 } gv_contact;
 
 // One polygon that a limb touches (the paper's "penetration depth of every single polygon").
 typedef struct gv_polygon_contact {
   int limb, object, piece, face;
-  double depth_m;              // along the polygon's own normal, positive
-  gv_vec3 position_world;      // on the polygon
+  double depth_m;          // along the polygon's own normal, positive
+  gv_vec3 position_world;  // on the polygon
 } gv_polygon_contact;
 
 // A joint of the scene at the end of the last step.
 typedef struct gv_joint_state {
-  double position;             // of a hinge (rad, -pi to pi) or a slider (m); 0 of the others
-  double force_n;              // across it, in that step
+  double position;  // of a hinge (rad, -pi to pi) or a slider (m); 0 of the others
+  double force_n;   // across it, in that step
   bool broken;
 } gv_joint_state;
 
 // Counters since init; they never go back.
 typedef struct gv_counters {
   uint64_t steps, samples,
-    samples_refused,           // joints and poses held back or refused: jumps, not finite
-    angles_limited,            // joint readings beyond the anatomy by more than 0.05 rad, held at its limit
-    contacts_dropped, pairs_dropped,
-    pairs_left_over,           // that the step's budget did not reach, shallow ones of objects first
-    body_resets, overlaps,
-    newton_steps, dantzig_steps, quickstep_steps, // steps with contacts, by the solver that did them
-    newton_softened,           // of newton_steps: with softer friction than asked
-    dantzig_lagged,            // of dantzig_steps: friction was bounded by the normal forces of an earlier round
-    unsolved_steps,            // with contacts that no solver could do: the bodies in contact stood still
-    joints_broken,
-    solver_errors;             // answers that ODE gave up, or said to be wrong: another solver did the step
+      samples_refused,  // joints and poses held back or refused: jumps, not finite
+      angles_limited,   // joint readings beyond the anatomy by more than 0.05 rad, held at its limit
+      contacts_dropped, pairs_dropped,
+      pairs_left_over,  // that the step's budget did not reach, shallow ones of objects first
+      body_resets, overlaps, newton_steps, dantzig_steps,
+      quickstep_steps,  // steps with contacts, by the solver that did them
+      newton_softened,  // of newton_steps: with softer friction than asked
+      dantzig_lagged,   // of dantzig_steps: friction was bounded by the normal forces of an
+                        // earlier round
+      unsolved_steps,   // with contacts that no solver could do: the bodies in contact stood still
+      joints_broken,
+      solver_errors;  // answers that ODE gave up, or said to be wrong: another solver did the step
   uint32_t contacts_max, pairs_max;
-  double depth_max_m;          // largest penetration of any step
+  double depth_max_m;  // largest penetration of any step
 } gv_counters;
 
 typedef struct gv_step_result {
-  uint32_t events;             // gv_event bits
-  double tension_n[GV_FINGERS];// what each tendon should pull, before the limiter (gv_tendon_map)
+  uint32_t events;               // gv_event bits
+  double tension_n[GV_FINGERS];  // what each tendon should pull, before the limiter (gv_tendon_map)
   int contact_count;
 } gv_step_result;
 
-// How much of what a step may cost it is to use. Less costs time no hand feels at once: friction gets less exact, shallow
-// contacts are left out.
+// How much of what a step may cost it is to use. Less costs time no hand feels at once: friction gets less
+// exact, shallow contacts are left out.
 typedef struct gv_effort {
-  double share;                // of the budgets of solvers and of collision detection: above 0, at most 1
-  int contacts_max;            // the deepest; at most GV_MAX_CONTACTS
+  double share;      // of the budgets of solvers and of collision detection: above 0, at most 1
+  int contacts_max;  // the deepest; at most GV_MAX_CONTACTS
 } gv_effort;
 
 typedef struct gv_engine gv_engine;
@@ -167,38 +181,41 @@ gv_engine *gv_engine_init(void *mem, size_t size, const gv_config *cfg, const gv
 void gv_engine_close(gv_engine *engine);
 // One step of step_s: the paper's Figure 3. Never fails, never allocates. Cost: see `make bench`.
 void gv_engine_step(gv_engine *engine, const gv_sample *sample, gv_step_result *out);
-// From the next step on; all of it after gv_engine_init. What it does depends on the numbers alone, not on a clock.
+// From the next step on; all of it after gv_engine_init. What it does depends on the
+// numbers alone, not on a clock.
 void gv_engine_set_effort(gv_engine *engine, gv_effort effort);
 // Objects back to their start poses, hand placed anew by the next sample.
 void gv_engine_reset(gv_engine *engine);
-// Other couplings and another friction of the skin from the next step on. Returns 0, or negative where one is out
-// of range (gv_config_check): nothing has changed then. Never allocates.
+// Other couplings and another friction of the skin from the next step on. Returns 0, or negative where one
+// is out of range (gv_config_check): nothing has changed then. Never allocates.
 int gv_engine_adjust(gv_engine *engine, const gv_coupling *limb, const gv_coupling *palm, double mu_hand);
 
 // Views, valid until the next step.
-const gv_config *gv_engine_config(const gv_engine *engine);            // as it is in force now
+const gv_config *gv_engine_config(const gv_engine *engine);  // as it is in force now
 const gv_counters *gv_engine_counters(const gv_engine *engine);
 const gv_contact *gv_engine_contacts(const gv_engine *engine, int *out_count);
-// Every polygon that a limb touches at the end of the last step, at most `max`. Returns the count. Cost: about
+// Every polygon that a limb touches at the end of the last step, at most `max`.
+// Returns the count. Cost: about
 // 1 us for each limb in contact, plus 10 ns a polygon of the pieces it touches.
 int gv_engine_polygons(const gv_engine *engine, gv_polygon_contact out[], int max);
 bool gv_engine_hand_placed(const gv_engine *engine);
-gv_pose gv_engine_limb_pose(const gv_engine *engine, int limb);        // T_world_limb, simulated
-gv_pose gv_engine_driver_pose(const gv_engine *engine, int limb);      // T_world_limb, skeleton
+gv_pose gv_engine_limb_pose(const gv_engine *engine, int limb);    // T_world_limb, simulated
+gv_pose gv_engine_driver_pose(const gv_engine *engine, int limb);  // T_world_limb, skeleton
 void gv_engine_limb_velocity(const gv_engine *engine, int limb, gv_vec3 *out_v, gv_vec3 *out_w);
-// Coupling force and torque on the limb in the last step, world, newtons (Eqn 1, 2). The person feels the opposite.
+// Coupling force and torque on the limb in the last step, world, newtons (Eqn 1, 2).
+// The person feels the opposite.
 void gv_engine_coupling(const gv_engine *engine, int limb, gv_vec3 *out_f, gv_vec3 *out_t);
-gv_pose gv_engine_object_pose(const gv_engine *engine, int object);    // T_world_body
+gv_pose gv_engine_object_pose(const gv_engine *engine, int object);  // T_world_body
 void gv_engine_object_velocity(const gv_engine *engine, int object, gv_vec3 *out_v, gv_vec3 *out_w);
 gv_joint_state gv_engine_joint(const gv_engine *engine, int joint);
-const double *gv_engine_angles(const gv_engine *engine);               // 22 joint angles of the skeleton, rad
+const double *gv_engine_angles(const gv_engine *engine);  // 22 joint angles of the skeleton, rad
 void gv_engine_memory(const gv_engine *engine, size_t *out_used, size_t *out_peak, size_t *out_size);
 // FNV-1a 64 over the whole simulated state (poses, velocities, filter, step count). Cost: 3 us.
 uint64_t gv_engine_hash(const gv_engine *engine);
 // Kinetic energy plus potential energy of objects in gravity, joules (tests).
 double gv_engine_energy(const gv_engine *engine);
-// Push an object in the coming step: force (newtons) at its centre of mass and torque (N m), world; pushes add
-// up. Not finite is ignored, a static object does not move.
+// Push an object in the coming step: force (newtons) at its centre of mass and torque (N m), world; pushes
+// add up. Not finite is ignored, a static object does not move.
 void gv_engine_push_object(gv_engine *engine, int object, gv_vec3 f_world, gv_vec3 t_world);
 // Set an object's state (tests, scripted scenes). Not finite is ignored.
 void gv_engine_set_object(gv_engine *engine, int object, gv_pose T_world_body, gv_vec3 v, gv_vec3 w);

@@ -33,29 +33,37 @@ enum {
 
 // Kept by the caller from step to step for one pair: a warm start. All zero is a valid cold start.
 typedef struct gv_pair_cache {
-  gv_vec3 normal_world;   // last normal, or zero
-  uint16_t vertex_a, vertex_b; // last support vertices (hill climbing); of a segment or box its signs, bit by bit
-  uint16_t corner_a[3], corner_b[3], corners; // vertices whose differences carried the nearest point; 0: none
-  uint8_t overlap;        // 1: the cores overlapped, the corners are those of the side
-  uint8_t inside;         // 1: the surfaces overlapped along normal_world when a manifold was asked for
-  uint16_t operations;    // of the last answer, for the next step's budget; 0: none yet
-  uint8_t high_first;     // 1: A was the piece of the higher number (collision/broad.c)
-  float urgency_m;        // the last answer's depth, and what may have come since (collision/queue.c)
+  gv_vec3 normal_world;         // last normal, or zero
+  uint16_t vertex_a, vertex_b;  // last support vertices (hill climbing); of a segment or box its signs,
+                                // bit by bit
+  uint16_t corner_a[3], corner_b[3],
+      corners;          // vertices whose differences carried the nearest point; 0: none
+  uint8_t overlap;      // 1: the cores overlapped, the corners are those of the side
+  uint8_t inside;       // 1: the surfaces overlapped along normal_world when a manifold was asked for
+  uint16_t operations;  // of the last answer, for the next step's budget; 0: none yet
+  uint8_t high_first;   // 1: A was the piece of the higher number (collision/broad.c)
+  float urgency_m;      // the last answer's depth, and what may have come since (collision/queue.c)
 } gv_pair_cache;
 
 // How the distance was found. shift: libccd's way to a depth. side: along the last normal, of a manifold
 // whose nearer side is the opposite one. beyond: farther apart than was asked for.
 typedef enum gv_distance_method {
-  GV_DISTANCE_GJK, GV_DISTANCE_EPA, GV_DISTANCE_FACES, GV_DISTANCE_SHIFT, GV_DISTANCE_SIDE, GV_DISTANCE_BEYOND
+  GV_DISTANCE_GJK,
+  GV_DISTANCE_EPA,
+  GV_DISTANCE_FACES,
+  GV_DISTANCE_SHIFT,
+  GV_DISTANCE_SIDE,
+  GV_DISTANCE_BEYOND
 } gv_distance_method;
 
 typedef struct gv_distance {
-  double distance;        // metres; negative: penetration depth (Eqn 8)
-  gv_vec3 normal_world;   // unit, from B to A: moving A along it by -distance separates
-  gv_vec3 on_a, on_b;     // witness points: on the surfaces (radii included), world; on_a - on_b = distance * normal
+  double distance;       // metres; negative: penetration depth (Eqn 8)
+  gv_vec3 normal_world;  // unit, from B to A: moving A along it by -distance separates
+  gv_vec3 on_a, on_b;    // witness points: on the surfaces (radii included), world; on_a - on_b =
+                         // distance * normal
   gv_distance_method method;
-  int iterations;         // of GJK and of the search for the depth together
-  int operations;         // counted work: about 10 instructions each (`make instructions` compares)
+  int iterations;  // of GJK and of the search for the depth together
+  int operations;  // counted work: about 10 instructions each (`make instructions` compares)
 } gv_distance;
 
 // Did the cores overlap, so that the depth had to be searched for?
@@ -82,10 +90,10 @@ void gv_distance_pair(gv_narrow narrow, const gv_pair *pair, double max_distance
                       gv_distance *out);
 
 typedef struct gv_contact_point {
-  gv_vec3 position_world; // midway between the surfaces
-  gv_vec3 normal_world;   // unit, from B to A
-  double depth;           // metres; positive: penetration, negative: gap
-  uint16_t face_b;        // polygon of hull B that this point belongs to (0xffff: none)
+  gv_vec3 position_world;  // midway between the surfaces
+  gv_vec3 normal_world;    // unit, from B to A
+  double depth;            // metres; positive: penetration, negative: gap
+  uint16_t face_b;         // polygon of hull B that this point belongs to (0xffff: none)
 } gv_contact_point;
 
 // Contact manifold: the closest point and, flat on flat, the clipped corners, each with a depth of its
@@ -96,17 +104,18 @@ int gv_manifold_pair(gv_narrow narrow, const gv_pair *pair, double margin, gv_pa
                      gv_contact_point out[GV_MAX_PAIR_CONTACTS], gv_distance *out_distance);
 
 typedef struct gv_polygon_depth {
-  uint16_t face;          // polygon of hull B
-  double depth;           // metres: how far A has come into it along its own normal; negative: a gap
-  gv_vec3 position_world; // on the polygon, under A's lowest point
-  gv_vec3 normal_world;   // of the polygon
+  uint16_t face;           // polygon of hull B
+  double depth;            // metres: how far A has come into it along its own normal; negative: a gap
+  gv_vec3 position_world;  // on the polygon, under A's lowest point
+  gv_vec3 normal_world;    // of the polygon
 } gv_polygon_depth;
 
 // A depth for every polygon of hull B that A touches or comes nearer to than `margin`: the deepest point of A
 // over each polygon, along that polygon's normal. normal_world: of the pair's contact; polygons more than 72
 // degrees away from it are left out. Returns the count, at most max; 0 where B is no hull or a ball.
 // Cost: 10 ns a polygon of B, and 0.3 us each that is touched.
-int gv_polygon_depths(const gv_pair *pair, gv_vec3 normal_world, double margin, gv_polygon_depth out[], int max);
+int gv_polygon_depths(const gv_pair *pair, gv_vec3 normal_world, double margin, gv_polygon_depth out[],
+                      int max);
 
 // Support function h_S(d) of a shape (radius included): the farthest point along the direction d (any
 // length > 0), world frame. `hint` (may be null): start vertex for hill climbing, updated.

@@ -11,7 +11,8 @@
 static gv_vec3 absolute(gv_vec3 a) { return gv_v3(fabs(a.x), fabs(a.y), fabs(a.z)); }
 
 static void join(gv_aabb *box, const gv_aabb *other) {
-  const gv_vec3 a = other->min, b = other->max;
+  const gv_vec3 a = other->min;
+  const gv_vec3 b = other->max;
   box->min.x = a.x < box->min.x ? a.x : box->min.x;
   box->min.y = a.y < box->min.y ? a.y : box->min.y;
   box->min.z = a.z < box->min.z ? a.z : box->min.z;
@@ -47,7 +48,8 @@ bool gv_broad_alloc(gv_broad *broad, gv_arena *arena, const gv_scene *scene) {
   gv_aabb *box = gv_arena_alloc(arena, "piece bounds", n * sizeof *box);
   gv_pair_cache *limb = gv_arena_alloc(arena, "limb pairs", GV_LIMBS * n * sizeof *limb);
   gv_pair_cache *piece = gv_arena_alloc(arena, "piece pairs", pairs_of_pieces(n) * sizeof *piece);
-  if (!broad || !shape || !box || !limb || !piece) return false;
+  if (!broad || !shape || !box || !limb || !piece)
+    return false;
   broad->scene = scene;
   broad->piece_shape = shape;
   broad->piece_box = box;
@@ -76,9 +78,11 @@ static gv_pair_cache *piece_cache(const gv_broad *broad, int i, int j) {
 void gv_broad_forget_sides(gv_broad *broad, int o) {
   const gv_object *object = &broad->scene->object[o];
   for (int i = object->piece_first; i < object->piece_first + object->piece_count; i++) {
-    for (int l = 0; l < GV_LIMBS; l++) limb_cache(broad, l, i)->inside = 0;
+    for (int l = 0; l < GV_LIMBS; l++)
+      limb_cache(broad, l, i)->inside = 0;
     for (int j = 0; j < broad->scene->piece_count; j++)
-      if (j != i) piece_cache(broad, i, j)->inside = 0;
+      if (j != i)
+        piece_cache(broad, i, j)->inside = 0;
   }
 }
 
@@ -98,7 +102,8 @@ _Static_assert(GV_MAX_OBJECTS <= 64, "a bit of gv_broad.joined for each object")
 static void note_joints(gv_broad *broad) {
   for (int i = 0; i < broad->scene->joint_count; i++) {
     const gv_joint *joint = &broad->scene->joint[i];
-    if (joint->object_b == GV_WORLD || joint->collides) continue;
+    if (joint->object_b == GV_WORLD || joint->collides)
+      continue;
     broad->joined[joint->object_a] |= 1ULL << joint->object_b;
     broad->joined[joint->object_b] |= 1ULL << joint->object_a;
   }
@@ -118,8 +123,10 @@ void gv_broad_init(gv_broad *broad, double step_s, double contact_margin_m) {
     assert(object->piece_count >= 1);
     for (int i = first; i < first + object->piece_count; i++) {
       init_piece(broad, o, i);
-      if (i == first) broad->body_box[o] = broad->piece_box[i];
-      else join(&broad->body_box[o], &broad->piece_box[i]);
+      if (i == first)
+        broad->body_box[o] = broad->piece_box[i];
+      else
+        join(&broad->body_box[o], &broad->piece_box[i]);
     }
   }
 }
@@ -159,9 +166,11 @@ static void bound_limb(gv_broad *broad, int l) {
 }
 
 void gv_broad_bound_limbs(gv_broad *broad) {
-  for (int l = 0; l < GV_LIMBS; l++) bound_limb(broad, l);
+  for (int l = 0; l < GV_LIMBS; l++)
+    bound_limb(broad, l);
   broad->hand_box = broad->limb_box[0];
-  for (int l = 1; l < GV_LIMBS; l++) join(&broad->hand_box, &broad->limb_box[l]);
+  for (int l = 1; l < GV_LIMBS; l++)
+    join(&broad->hand_box, &broad->limb_box[l]);
 }
 
 void gv_broad_bound_object(gv_broad *broad, int o) {
@@ -173,9 +182,11 @@ void gv_broad_bound_object(gv_broad *broad, int o) {
 }
 
 bool gv_broad_hand_is_near(const gv_broad *broad, int o) {
-  if (!gv_aabb_meet(&broad->hand_box, &broad->object_box[o])) return false;
+  if (!gv_aabb_meet(&broad->hand_box, &broad->object_box[o]))
+    return false;
   for (int l = 0; l < GV_LIMBS; l++)
-    if (gv_aabb_meet(&broad->limb_box[l], &broad->object_box[o])) return true;
+    if (gv_aabb_meet(&broad->limb_box[l], &broad->object_box[o]))
+      return true;
   return false;
 }
 
@@ -202,7 +213,8 @@ static gv_candidate *list_pair(gv_broad *broad, int body_a, int shape_a, int bod
 
 static void list_limb_piece(gv_broad *broad, int l, int o, int piece) {
   gv_candidate *pair = list_pair(broad, l, l, GV_LIMBS + o, piece);
-  if (pair) pair->cache = limb_cache(broad, l, piece);
+  if (pair)
+    pair->cache = limb_cache(broad, l, piece);
 }
 
 // A limb's box in an object's frame, which is turned by R, grown by both margins.
@@ -225,53 +237,65 @@ static void list_limb_object(gv_broad *broad, int l, int o, const gv_mat3 *R) {
   }
   const gv_aabb box = limb_box_in(broad, l, o, R);
   for (int i = first; i < first + object->piece_count; i++)
-    if (gv_aabb_meet(&box, &broad->piece_box[i])) list_limb_piece(broad, l, o, i);
+    if (gv_aabb_meet(&box, &broad->piece_box[i]))
+      list_limb_piece(broad, l, o, i);
 }
 
 void gv_broad_list_hand(gv_broad *broad) {
   for (int o = 0; o < broad->scene->object_count; o++) {
-    if (!gv_aabb_meet(&broad->hand_box, &broad->object_box[o])) continue;
+    if (!gv_aabb_meet(&broad->hand_box, &broad->object_box[o]))
+      continue;
     const gv_mat3 R = gv_mat3_from_quat(broad->predicted[GV_LIMBS + o].T.q);
     for (int l = 0; l < GV_LIMBS; l++)
-      if (gv_aabb_meet(&broad->limb_box[l], &broad->object_box[o])) list_limb_object(broad, l, o, &R);
+      if (gv_aabb_meet(&broad->limb_box[l], &broad->object_box[o]))
+        list_limb_object(broad, l, o, &R);
   }
 }
 
 static void list_pieces(gv_broad *broad, int a, int i, int b, int j) {
   gv_pair_cache *cache = piece_cache(broad, i, j);
   gv_candidate *pair = list_pair(broad, GV_LIMBS + a, i, GV_LIMBS + b, j);
-  if (!pair) return;
+  if (!pair)
+    return;
   // Where one of them has come to rest, the other is A now, and the normal turns round.
-  if (cache->high_first != (i > j)) cache->inside = 0;
+  if (cache->high_first != (i > j))
+    cache->inside = 0;
   cache->high_first = i > j;
   pair->cache = cache;
 }
 
 // a moves; b may be static or at rest. The boxes of a's pieces come into b's frame.
 static void list_two_objects(gv_broad *broad, int a, int b) {
-  const gv_object *A = &broad->scene->object[a], *B = &broad->scene->object[b];
+  const gv_object *A = &broad->scene->object[a];
+  const gv_object *B = &broad->scene->object[b];
   const gv_pose T_b_world = gv_pose_inv(broad->predicted[GV_LIMBS + b].T);
   const gv_pose T_b_a = gv_pose_mul(T_b_world, broad->predicted[GV_LIMBS + a].T);
   const gv_mat3 R = gv_mat3_from_quat(T_b_a.q);
   const double margin = broad->margin[GV_LIMBS + a] + broad->margin[GV_LIMBS + b];
   for (int i = A->piece_first; i < A->piece_first + A->piece_count; i++) {
     const gv_aabb box = turned_box(&R, T_b_a.p, &broad->piece_box[i], margin);
-    if (!gv_aabb_meet(&box, &broad->body_box[b])) continue;
+    if (!gv_aabb_meet(&box, &broad->body_box[b]))
+      continue;
     for (int j = B->piece_first; j < B->piece_first + B->piece_count; j++)
-      if (gv_aabb_meet(&box, &broad->piece_box[j])) list_pieces(broad, a, i, b, j);
+      if (gv_aabb_meet(&box, &broad->piece_box[j]))
+        list_pieces(broad, a, i, b, j);
   }
 }
 
 // Pairs of which one moves, each once.
 void gv_broad_list_objects(gv_broad *broad, const int moving[], int moving_count) {
   bool moves[GV_MAX_OBJECTS] = {false};
-  for (int k = 0; k < moving_count; k++) moves[moving[k]] = true;
+  for (int k = 0; k < moving_count; k++)
+    moves[moving[k]] = true;
   for (int k = 0; k < moving_count; k++) {
     const int a = moving[k];
     for (int b = 0; b < broad->scene->object_count; b++) {
-      if (b == a || !gv_aabb_meet(&broad->object_box[a], &broad->object_box[b])) continue;
-      if (broad->joined[a] >> b & 1) continue;
-      if (b > a || !moves[b]) list_two_objects(broad, a, b);
+      if (b == a || !gv_aabb_meet(&broad->object_box[a], &broad->object_box[b]))
+        continue;
+      if (broad->joined[a] >> b & 1)
+        continue;
+      if (b > a || !moves[b])
+        list_two_objects(broad, a, b);
     }
   }
 }

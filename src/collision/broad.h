@@ -10,37 +10,40 @@
 #include "gloved/narrow.h"
 #include "gloved/scene.h"
 
-typedef struct gv_aabb { gv_vec3 min, max; } gv_aabb;
+typedef struct gv_aabb {
+  gv_vec3 min, max;
+} gv_aabb;
 
 // A limb or a piece of an object (shape_a), and a piece of another object, whose boxes meet.
 typedef struct gv_candidate {
   gv_pair_cache *cache;
-  uint16_t shape_a, piece_b;           // limb number where body_a is a limb, else piece number
-  uint8_t body_a, body_b;              // limbs, then objects; a moves
+  uint16_t shape_a, piece_b;  // limb number where body_a is a limb, else piece number
+  uint8_t body_a, body_b;     // limbs, then objects; a moves
 } gv_candidate;
 
 typedef struct gv_broad {
   const gv_scene *scene;
   double step_s, contact_margin_m;
   gv_shape limb_shape[GV_LIMBS];
-  double limb_reach[GV_LIMBS];         // farthest surface point from the limb's origin, m
-  gv_shape *piece_shape;               // [piece_count]
-  gv_aabb *piece_box;                  // [piece_count] in the object's own frame
-  gv_aabb body_box[GV_MAX_OBJECTS];    // around the pieces of each, own frame
-  uint64_t joined[GV_MAX_OBJECTS];     // bit of each object that a joint holds this one to: the two do not collide
-  double object_reach[GV_MAX_OBJECTS]; // farthest vertex from the body's origin, m
+  double limb_reach[GV_LIMBS];          // farthest surface point from the limb's origin, m
+  gv_shape *piece_shape;                // [piece_count]
+  gv_aabb *piece_box;                   // [piece_count] in the object's own frame
+  gv_aabb body_box[GV_MAX_OBJECTS];     // around the pieces of each, own frame
+  uint64_t joined[GV_MAX_OBJECTS];      // bit of each object that a joint holds this one to: the two do
+                                        // not collide
+  double object_reach[GV_MAX_OBJECTS];  // farthest vertex from the body's origin, m
   // of this step
   gv_body_state predicted[GV_BODIES];  // poses of this step, velocities after it without contacts
   double margin[GV_BODIES];            // how far each body's surface may come in this step, m
   gv_vec3 limb_axis[GV_LIMBS][3];      // half extents along the limbs' axes, world; a segment has the first
   gv_aabb limb_box[GV_LIMBS], hand_box;
   gv_aabb object_box[GV_MAX_OBJECTS];
-  int pair_count;                      // at most GV_MAX_PAIRS
-  int dropped;                         // pairs that there was no room for
+  int pair_count;  // at most GV_MAX_PAIRS
+  int dropped;     // pairs that there was no room for
   gv_candidate pair[GV_MAX_PAIRS];
   // warm starts, from step to step
-  gv_pair_cache *limb_cache;           // [GV_LIMBS][piece_count]
-  gv_pair_cache *piece_cache;          // [piece_count (piece_count - 1) / 2]
+  gv_pair_cache *limb_cache;   // [GV_LIMBS][piece_count]
+  gv_pair_cache *piece_cache;  // [piece_count (piece_count - 1) / 2]
 } gv_broad;
 
 static inline bool gv_aabb_meet(const gv_aabb *a, const gv_aabb *b) {

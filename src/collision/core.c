@@ -32,7 +32,8 @@ static void settle_depth(const gv_cso *cso, gv_vec3 guess, const gv_epa_result *
     gv_vec3 beside = gv_mad(best.normal, 0.1, gv_any_perpendicular(best.normal));
     if (gv_epa_run(cso, gv_normalize_or(beside, guess), &other)) {
       out->iterations += other.iterations;
-      if (is_better(&other, &best)) best = other;
+      if (is_better(&other, &best))
+        best = other;
     }
   }
   if (!bounds_meet(&best)) {
@@ -52,7 +53,8 @@ static void settle_depth(const gv_cso *cso, gv_vec3 guess, const gv_epa_result *
 static void find_depth(const gv_cso *cso, gv_vec3 guess, bool warm, gv_distance *out) {
   gv_epa_result r;
   (void)warm;
-  if (!gv_epa_run(cso, guess, &r)) r = (gv_epa_result){.depth = HUGE_VAL, .normal = guess};
+  if (!gv_epa_run(cso, guess, &r))
+    r = (gv_epa_result){.depth = HUGE_VAL, .normal = guess};
   settle_depth(cso, guess, &r, out);
 }
 
@@ -60,7 +62,8 @@ static void find_depth(const gv_cso *cso, gv_vec3 guess, bool warm, gv_distance 
 // table): the polytope is asked first.
 static bool still_overlap(const gv_cso *cso, gv_vec3 *io_guess, gv_distance *out) {
   gv_epa_result r;
-  if (!gv_epa_run(cso, *io_guess, &r)) return false;
+  if (!gv_epa_run(cso, *io_guess, &r))
+    return false;
   if (r.lower_bound >= (bounds_meet(&r) ? -gv_touching_m : gv_touching_m)) {
     settle_depth(cso, *io_guess, &r, out);
     return true;

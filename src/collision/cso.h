@@ -12,31 +12,31 @@
 
 typedef struct gv_core {  // a core (no sphere) placed in the frame of B
   gv_core_kind kind;
-  gv_vec3 center;         // of its own frame
-  gv_vec3 axis[3];        // box and segment: half extents along the core's axes
+  gv_vec3 center;   // of its own frame
+  gv_vec3 axis[3];  // box and segment: half extents along the core's axes
   const gv_hull *hull;
-  gv_mat3 R;              // hull: rotation into the frame of B
-  bool in_place;          // hull: R is the identity and center zero
+  gv_mat3 R;      // hull: rotation into the frame of B
+  bool in_place;  // hull: R is the identity and center zero
 } gv_core;
 
 typedef struct gv_cso {
   gv_core a, b;
   gv_quat q_world_b;
-  gv_pair_cache *cache;   // start vertices
-  int *operations;        // counted up: vertices and faces looked at, and the like
+  gv_pair_cache *cache;  // start vertices
+  int *operations;       // counted up: vertices and faces looked at, and the like
 } gv_cso;
 
 typedef struct gv_cso_point {
-  gv_vec3 w;              // b - a
-  gv_vec3 a;              // the point of A
-  uint16_t vertex_a, vertex_b; // of the cores
+  gv_vec3 w;                    // b - a
+  gv_vec3 a;                    // the point of A
+  uint16_t vertex_a, vertex_b;  // of the cores
 } gv_cso_point;
 
 typedef struct gv_epa_result {
-  double depth;           // h(normal), metres; negative: this direction separates the cores
-  double lower_bound;     // of the depth
-  gv_vec3 normal, on_a;   // frame of B; on_a on the core of A
-  uint16_t corner_a[3], corner_b[3], corners; // of the side, as in gv_pair_cache
+  double depth;          // h(normal), metres; negative: this direction separates the cores
+  double lower_bound;    // of the depth
+  gv_vec3 normal, on_a;  // frame of B; on_a on the core of A
+  uint16_t corner_a[3], corner_b[3], corners;  // of the side, as in gv_pair_cache
   int iterations;
 } gv_epa_result;
 
@@ -55,7 +55,8 @@ static inline gv_vec3 gv_core_vertex(const gv_core *core, unsigned vertex) {
     return core->in_place ? v : gv_add(p, gv_mat3_mul(&core->R, v));
   }
   int axes = core->kind == GV_CORE_BOX ? 3 : 1;
-  for (int k = 0; k < axes; k++) p = vertex >> k & 1 ? gv_add(p, core->axis[k]) : gv_sub(p, core->axis[k]);
+  for (int k = 0; k < axes; k++)
+    p = vertex >> k & 1 ? gv_add(p, core->axis[k]) : gv_sub(p, core->axis[k]);
   return p;
 }
 
@@ -70,15 +71,18 @@ static inline gv_cso_point gv_cso_support(const gv_cso *cso, gv_vec3 n) {
 }
 
 static inline bool gv_core_has_vertex(const gv_core *core, unsigned vertex) {
-  if (core->kind == GV_CORE_HULL) return vertex < (unsigned)core->hull->vertex_count;
+  if (core->kind == GV_CORE_HULL)
+    return vertex < (unsigned)core->hull->vertex_count;
   return vertex < (core->kind == GV_CORE_BOX ? 8U : 2U);
 }
 
 // Corner k of the cache, where it is now; false where the shapes have no such vertices.
 static inline bool gv_cso_recall(const gv_cso *cso, int k, gv_cso_point *out) {
   assert(k >= 0 && k < 3);
-  uint16_t i = cso->cache->corner_a[k], j = cso->cache->corner_b[k];
-  if (!gv_core_has_vertex(&cso->a, i) || !gv_core_has_vertex(&cso->b, j)) return false;
+  uint16_t i = cso->cache->corner_a[k];
+  uint16_t j = cso->cache->corner_b[k];
+  if (!gv_core_has_vertex(&cso->a, i) || !gv_core_has_vertex(&cso->b, j))
+    return false;
   gv_vec3 a = gv_core_vertex(&cso->a, i);
   *out = (gv_cso_point){gv_sub(gv_core_vertex(&cso->b, j), a), a, i, j};
   return true;
@@ -86,7 +90,8 @@ static inline bool gv_cso_recall(const gv_cso *cso, int k, gv_cso_point *out) {
 
 // A point inside the core, frame of B.
 static inline gv_vec3 gv_core_center(const gv_core *core) {
-  if (core->kind != GV_CORE_HULL) return core->center;
+  if (core->kind != GV_CORE_HULL)
+    return core->center;
   return gv_add(core->center, gv_mat3_mul(&core->R, core->hull->center));
 }
 

@@ -14,10 +14,10 @@ typedef struct gv_corner {  // a contact to be
 } gv_corner;
 
 typedef struct gv_manifold {
-  gv_vec3 n;                // unit, from B to A
-  double limit, closest;    // largest gap that counts, and the least there is
+  gv_vec3 n;              // unit, from B to A
+  double limit, closest;  // largest gap that counts, and the least there is
   int count;
-  int operations;           // counted work
+  int operations;  // counted work
   gv_corner corner[GV_FACE_CORNERS];
 } gv_manifold;
 
@@ -25,11 +25,12 @@ typedef struct gv_manifold {
 typedef struct gv_reference {
   const gv_core *core;
   bool of_b;
-  gv_vec3 up;               // unit: n where it is of B, else -n
+  gv_vec3 up;  // unit: n where it is of B, else -n
 } gv_reference;
 
-static const double gv_manifold_steep = 0.3;    // least cosine of reference face and normal (72 degrees)
-static const double gv_manifold_on_side = 1e-9; // metres: a corner this far outside the prism is still inside
+static const double gv_manifold_steep = 0.3;  // least cosine of reference face and normal (72 degrees)
+static const double gv_manifold_on_side =
+    1e-9;  // metres: a corner this far outside the prism is still inside
 
 // Height of q over the face, measured along `up`.
 static inline double gv_gap_over(const gv_face *face, gv_vec3 up, gv_vec3 q) {

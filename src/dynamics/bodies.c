@@ -12,7 +12,8 @@ static void set_mass(gv_body *b, double mass_kg, double added_kg, const gv_mat3 
   b->mass_kg = mass_kg;
   b->inv_mass = 1.0 / (mass_kg + added_kg);
   b->inertia = *inertia;
-  for (int k = 0; k < 3; k++) b->inertia.m[k][k] += added_inertia;
+  for (int k = 0; k < 3; k++)
+    b->inertia.m[k][k] += added_inertia;
   b->inv_inertia = gv_mat3_inverse(&b->inertia);
 }
 
@@ -47,8 +48,10 @@ static gv_mat3 object_inertia(const gv_config *cfg, const gv_scene *scene, const
   const double sphere = cfg->override_sphere_inertia ? mass_kg * sphere_inertia_per_mass(scene, o) : 0.0;
   for (int r = 0; r < 3; r++) {
     for (int c = 0; c < 3; c++) {
-      if (sphere > 0.0) inertia.m[r][c] = r == c ? sphere : 0.0;
-      else inertia.m[r][c] = o->inertia_kg_m2.m[r][c] * mass_kg / o->mass_kg;
+      if (sphere > 0.0)
+        inertia.m[r][c] = r == c ? sphere : 0.0;
+      else
+        inertia.m[r][c] = o->inertia_kg_m2.m[r][c] * mass_kg / o->mass_kg;
     }
   }
   return inertia;
@@ -59,7 +62,8 @@ static void init_object(gv_bodies *bodies, const gv_config *cfg, const gv_scene 
   gv_body *b = &bodies->body[GV_LIMBS + index];
   b->is_static = o->is_static;
   bodies->state[GV_LIMBS + index].T = o->T_world_body;
-  if (o->is_static) return;
+  if (o->is_static)
+    return;
   const double mass_kg = cfg->override_mass_kg > 0.0 ? cfg->override_mass_kg : o->mass_kg;
   const gv_mat3 inertia = object_inertia(cfg, scene, o, mass_kg);
   set_mass(b, mass_kg, 0.0, &inertia, 0.0);
@@ -67,7 +71,8 @@ static void init_object(gv_bodies *bodies, const gv_config *cfg, const gv_scene 
 }
 
 static gv_vec3 choose_gravity(const gv_config *cfg, const gv_scene *scene) {
-  if (!(cfg->override_gravity_m_s2 > 0.0)) return scene->gravity_m_s2;
+  if (!(cfg->override_gravity_m_s2 > 0.0))
+    return scene->gravity_m_s2;
   return gv_scale(gv_normalize_or(scene->gravity_m_s2, gv_v3(0, 0, -1)), cfg->override_gravity_m_s2);
 }
 
@@ -80,13 +85,16 @@ void gv_bodies_init(gv_bodies *bodies, const gv_config *cfg, const gv_scene *sce
     bodies->body[i].stands = true;
     gv_bodies_set_limb(bodies, i, &spring[i], limb_inertia[i]);
   }
-  for (int i = 0; i < scene->object_count; i++) init_object(bodies, cfg, scene, i);
+  for (int i = 0; i < scene->object_count; i++)
+    init_object(bodies, cfg, scene, i);
 }
 
 void gv_bodies_set_state(gv_bodies *bodies, int body, const gv_body_state *s) {
   assert(body >= 0 && body < bodies->count);
-  if (bodies->body[body].is_static) return;
-  if (!gv_pose_finite(s->T) || !gv_v3_finite(s->v) || !gv_v3_finite(s->w)) return;
+  if (bodies->body[body].is_static)
+    return;
+  if (!gv_pose_finite(s->T) || !gv_v3_finite(s->v) || !gv_v3_finite(s->w))
+    return;
   bodies->state[body] = *s;
   bodies->state[body].T.q = gv_quat_normalize(s->T.q);
 }
@@ -99,7 +107,8 @@ void gv_bodies_set_standing(gv_bodies *bodies, int body, bool stands) {
 void gv_bodies_add_force(gv_bodies *bodies, int body, gv_vec3 f, gv_vec3 t) {
   assert(body >= 0 && body < bodies->count);
   gv_body *b = &bodies->body[body];
-  if (b->is_static || !gv_v3_finite(f) || !gv_v3_finite(t)) return;
+  if (b->is_static || !gv_v3_finite(f) || !gv_v3_finite(t))
+    return;
   b->force = gv_add(b->force, f);
   b->torque = gv_add(b->torque, t);
 }

@@ -10,18 +10,18 @@
 #include "hand/coupling.h"
 
 typedef struct gv_body {
-  bool is_static;           // never moves
-  bool stands;              // does not move for now: an object at rest, a limb without a driver
-  double mass_kg;           // its own, without what the coupling adds
-  double inv_mass;          // 1/kg, with that
-  gv_mat3 inertia;          // kg m^2, body axes, with that
+  bool is_static;   // never moves
+  bool stands;      // does not move for now: an object at rest, a limb without a driver
+  double mass_kg;   // its own, without what the coupling adds
+  double inv_mass;  // 1/kg, with that
+  gv_mat3 inertia;  // kg m^2, body axes, with that
   gv_mat3 inv_inertia;
-  gv_vec3 force, torque;    // world, in the coming step, gravity apart
+  gv_vec3 force, torque;  // world, in the coming step, gravity apart
 } gv_body;
 
 typedef struct gv_bodies {
   int count;
-  gv_vec3 gravity;          // m/s^2, of objects
+  gv_vec3 gravity;  // m/s^2, of objects
   gv_body_state state[GV_BODIES];
   gv_body body[GV_BODIES];
 } gv_bodies;

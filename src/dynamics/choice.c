@@ -13,8 +13,8 @@
 enum { TURNS = 3 };
 
 typedef struct turn {
-  gv_solver solver;          // GV_SOLVER_AUTO ends the list
-  double share;              // of the period
+  gv_solver solver;  // GV_SOLVER_AUTO ends the list
+  double share;      // of the period
 } turn;
 
 static const turn order[GV_SOLVERS][TURNS] = {
@@ -36,37 +36,43 @@ const char *gv_solver_name(gv_solver solver) {
 }
 
 bool gv_choice_open(gv_choice *choice, gv_arena *arena, const gv_config *cfg) {
-  *choice = (gv_choice){.solver = cfg->solver, .period_s = cfg->period_s > 0.0 ? cfg->period_s : cfg->step_s,
-                         .effort = 1.0};
+  *choice = (gv_choice){
+    .solver = cfg->solver, .period_s = cfg->period_s > 0.0 ? cfg->period_s : cfg->step_s, .effort = 1.0};
   bool opened = true;
   for (int i = GV_SOLVER_NEWTON; i < GV_SOLVERS; i++) {
     choice->memory[i] = gv_arena_alloc(arena, solvers[i]->name, solvers[i]->memory_size);
     opened = opened && choice->memory[i];
   }
   choice->ode = gv_ode_open(arena);
-  if (!choice->ode || !opened) return false;
+  if (!choice->ode || !opened)
+    return false;
   for (int i = GV_SOLVER_NEWTON; i < GV_SOLVERS; i++)
-    if (solvers[i]->init) solvers[i]->init(choice->memory[i], choice->ode);
+    if (solvers[i]->init)
+      solvers[i]->init(choice->memory[i], choice->ode);
   return true;
 }
 
 void gv_choice_close(gv_choice *choice) { gv_ode_close(choice->ode); }
 
 void gv_choice_forget(gv_choice *choice) {
-  for (int i = GV_SOLVER_NEWTON; i < GV_SOLVERS; i++) solvers[i]->forget(choice->memory[i]);
+  for (int i = GV_SOLVER_NEWTON; i < GV_SOLVERS; i++)
+    solvers[i]->forget(choice->memory[i]);
 }
 
 gv_solver_report gv_choice_solve(gv_choice *choice, gv_problem *problem, gv_velocity out_velocity[],
                                  gv_vec3 out_impulse[]) {
   const bool is_free = problem->contact_count + problem->row_count == 0;
-  if (is_free) gv_choice_forget(choice);
+  if (is_free)
+    gv_choice_forget(choice);
   for (int i = 0; i < TURNS && !is_free; i++) {
     const turn *t = &order[choice->solver][i];
-    if (t->solver == GV_SOLVER_AUTO) break;
+    if (t->solver == GV_SOLVER_AUTO)
+      break;
     problem->budget_s = t->share * choice->effort * choice->period_s;
     void *memory = choice->memory[t->solver];
     const gv_outcome outcome = solvers[t->solver]->solve(memory, problem, out_velocity, out_impulse);
-    if (outcome != GV_OUTCOME_NONE) return (gv_solver_report){t->solver, outcome};
+    if (outcome != GV_OUTCOME_NONE)
+      return (gv_solver_report){t->solver, outcome};
   }
   return (gv_solver_report){GV_SOLVER_AUTO, GV_OUTCOME_NONE};
 }
@@ -79,12 +85,16 @@ static void state_ring(gv_problem *problem, int contacts) {
   problem->body_count = GV_LIMBS;
   problem->contact_count = contacts;
   const gv_mat3 inertia = {{{1e-4, 0, 0}, {0, 1e-4, 0}, {0, 0, 1e-4}}};
-  for (int i = 0; i < GV_LIMBS; i++) problem->body[i] = (gv_problem_body){.mass = 0.1, .inertia = inertia};
+  for (int i = 0; i < GV_LIMBS; i++)
+    problem->body[i] = (gv_problem_body){.mass = 0.1, .inertia = inertia};
   for (int i = 0; i < contacts; i++) {
-    problem->contact[i] = (gv_problem_contact){
-      .body_a = i % GV_LIMBS, .body_b = (i + 1) % GV_LIMBS, .point = {0.01 * i, 0.02 * (i % 7), 0},
-      .frame = {{0, 0, 1}, {1, 0, 0}, {0, 1, 0}},
-      .normal_compliance = 1.0, .tangent_compliance = 1e-6, .mu = 1.0};
+    problem->contact[i] = (gv_problem_contact){.body_a = i % GV_LIMBS,
+                                               .body_b = (i + 1) % GV_LIMBS,
+                                               .point = {0.01 * i, 0.02 * (i % 7), 0},
+                                               .frame = {{0, 0, 1}, {1, 0, 0}, {0, 1, 0}},
+                                               .normal_compliance = 1.0,
+                                               .tangent_compliance = 1e-6,
+                                               .mu = 1.0};
   }
 }
 

@@ -7,16 +7,16 @@
 #include "dynamics/ode.h"
 
 typedef struct gv_choice {
-  gv_solver solver;          // as configured
-  double period_s;           // of the loop
-  double effort;             // share of the budgets that is to be used: 1 all
+  gv_solver solver;  // as configured
+  double period_s;   // of the loop
+  double effort;     // share of the budgets that is to be used: 1 all
   gv_ode *ode;
   void *memory[GV_SOLVERS];  // of each solver
 } gv_choice;
 
 // Which solver found an answer, and what for.
 typedef struct gv_solver_report {
-  gv_solver solver;          // GV_SOLVER_AUTO: none was needed, or none had an answer
+  gv_solver solver;  // GV_SOLVER_AUTO: none was needed, or none had an answer
   gv_outcome outcome;
 } gv_solver_report;
 

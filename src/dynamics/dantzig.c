@@ -67,8 +67,8 @@ static void count_islands(const gv_problem *problem, int out_rows[GV_BODIES]) {
     out_rows[find_root(parent, problem->row[i].body_a)]++;
 }
 
-// Of one round, as bodies jammed into each other need it (99 of 100 of them; a grasp needs a sixth): 4 us a row (12
-// a contact) and half a nanosecond a cube of an island's rows.
+// Of one round, as bodies jammed into each other need it (99 of 100 of them; a grasp needs a sixth): 4 us a
+// row (12 a contact) and half a nanosecond a cube of an island's rows.
 static double round_cost_s(const gv_problem *problem) {
   int count[GV_BODIES];
   double sum = 1e-6;

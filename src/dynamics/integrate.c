@@ -60,10 +60,13 @@ void gv_bodies_move_freely(const gv_bodies *bodies, double h, gv_problem_body ou
     out->p = s->T.p;
     out->mass = 0.0;
     out->v = out->w = gv_v3(0, 0, 0);
-    if (!gv_body_moves(b)) continue;
+    if (!gv_body_moves(b))
+      continue;
     out->mass = 1.0 / b->inv_mass;
-    if (i < GV_LIMBS) move_limb(b, s, h, out);
-    else move_object(b, s, bodies->gravity, h, out);
+    if (i < GV_LIMBS)
+      move_limb(b, s, h, out);
+    else
+      move_object(b, s, bodies->gravity, h, out);
   }
 }
 
@@ -75,7 +78,8 @@ void gv_bodies_predict(const gv_bodies *bodies, double h, int body, gv_body_stat
     return;
   }
   out->v = gv_mad(out->v, h * b->inv_mass, b->force);
-  if (body >= GV_LIMBS) out->v = gv_mad(out->v, h, bodies->gravity);
+  if (body >= GV_LIMBS)
+    out->v = gv_mad(out->v, h, bodies->gravity);
 }
 
 static void advance(gv_body_state *s, double h, const gv_velocity *velocity) {
@@ -92,7 +96,8 @@ static void advance(gv_body_state *s, double h, const gv_velocity *velocity) {
 void gv_bodies_advance(gv_bodies *bodies, double h, const gv_velocity velocity[]) {
   for (int i = 0; i < bodies->count; i++) {
     gv_body *b = &bodies->body[i];
-    if (gv_body_moves(b)) advance(&bodies->state[i], h, &velocity[i]);
+    if (gv_body_moves(b))
+      advance(&bodies->state[i], h, &velocity[i]);
     b->force = b->torque = gv_v3(0, 0, 0);
   }
 }
@@ -101,7 +106,8 @@ double gv_bodies_object_energy(const gv_bodies *bodies) {
   double sum = 0.0;
   for (int i = GV_LIMBS; i < bodies->count; i++) {
     const gv_body *b = &bodies->body[i];
-    if (b->is_static) continue;
+    if (b->is_static)
+      continue;
     const gv_body_state *s = &bodies->state[i];
     const gv_vec3 w = gv_rotate_inv(s->T.q, s->w);
     sum += 0.5 * b->mass_kg * gv_norm2(s->v) + 0.5 * gv_dot(w, gv_mat3_mul(&b->inertia, w));

@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// The law of joints: what a joint of the scene fixes of two bodies' velocities after the step, as rows of the problem.
-// A row that holds takes GV_JOINT_ERP of its error back in a step, as ODE's joints do (user guide, "Joint error and
-// the error reduction parameter"); a limit may close its gap within the step and not pass it, as a contact does; a
-// spring is integrated by backward Euler, k = erp / (h cfm) and d = (1 - erp) / cfm. Pure; real-time thread.
+// The law of joints: what a joint of the scene fixes of two bodies' velocities after the step, as rows of
+// the problem. A row that holds takes GV_JOINT_ERP of its error back in a step, as ODE's joints do (user
+// guide, "Joint error and the error reduction parameter"); a limit may close its gap within the step and
+// not pass it, as a contact does; a spring is integrated by backward Euler, k = erp / (h cfm) and d = (1 -
+// erp) / cfm. Pure; real-time thread.
 #include <assert.h>
 
 #include "dynamics/problem.h"

@@ -1,36 +1,41 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// Contact with Coulomb's friction, exactly, by a semismooth Newton method (Alart and Curnier 1991) on the velocities of
-// the bodies that touch. Of each contact with normal n, from body b to body a: x its impulse on a, u = J v - a n its
-// velocity beyond the target a, C = diag(c_n, c_t, c_t) its compliance along and across n. Sought are v and x with
+// Contact with Coulomb's friction, exactly, by a semismooth Newton method (Alart and Curnier 1991) on the
+// velocities of the bodies that touch. Of each contact with normal n, from body b to body a: x its
+// impulse on a, u = J v - a n its velocity beyond the target a, C = diag(c_n, c_t, c_t) its compliance
+// along and across n. Sought are v and x with
 //
 //   M (v - v_free) = J^T x                                                                    (1)
-//   w = u + C x:   0 <= x_n | w_n >= 0,   |x_t| <= mu x_n,   w_t = -lambda x_t, lambda >= 0 only where |x_t| = mu x_n  (2)
+//   w = u + C x:   0 <= x_n | w_n >= 0,   |x_t| <= mu x_n,   w_t = -lambda x_t,
+//                  lambda >= 0 only where |x_t| = mu x_n                                       (2)
 //
-// The active set says of each contact whether it is open, sticks, or slides with friction along the unit tangent e. On
-// it the law is linear, x = -K u, with f = n x e, d = n + mu e:
+// The active set says of each contact whether it is open, sticks, or slides with friction along the unit
+// tangent e. On it the law is linear, x = -K u, with f = n x e, d = n + mu e:
 //
 //   open      K = 0
 //   sticking  K = C^-1
-//   sliding   K = 1/c_n d n^T + 1/(c_t + lambda) f f^T   (the bound follows the normal impulse: K is not symmetric)  (3)
+//   sliding   K = 1/c_n d n^T + 1/(c_t + lambda) f f^T                                         (3)
+//             (the bound follows the normal impulse: K is not symmetric)
 //
-// and with v = v_free + dv, (1) becomes one system of linear equations, a 6 x 6 block for each pair of bodies (blocks.c):
+// and with v = v_free + dv, (1) becomes one system of linear equations, a 6 x 6 block for
+// each pair of bodies (blocks.c):
 //
 //   (M + J^T K J) dv = -J^T K (J v_free - a n)                                                (4)
 //
-// A limb with no other contact is eliminated first (its Schur complement): with W = J M^-1 J^T of that limb its contact is
-// a softer one to the other body, K = (C + W)^-1 where it sticks, and where it slides
+// A limb with no other contact is eliminated first (its Schur complement): with W = J M^-1 J^T of that limb
+// its contact is a softer one to the other body, K = (C + W)^-1 where it sticks, and where it slides
 //
 //   K = [d f] (diag(c_n, c_t + lambda) + [n f]^T W [d f])^-1 [n f]^T                          (5)
 //
-// The next active set is where a step of rho = 1/(W + C) (W of all bodies of that contact) leads, projected onto the cone:
+// The next active set is where a step of rho = 1/(W + C) (W of all bodies of that contact)
+// leads, projected onto the cone:
 //
 //   y_n = x_n - rho_n w_n,  y_t = x_t - rho_t w_t;   y_n <= 0 open;  |y_t| <= mu y_n sticks;
 //   else slides along e = y_t / |y_t| with lambda = (|y_t| - mu y_n) / (mu y_n rho_t)         (6)
 //
-// and x is a solution where it is that projection itself: the residual. The solver begins with the active set of the last
-// step, which in a held grasp is right: one factorization and done. Where full steps do not settle, the programme below
-// goes on: first with other steps, then from a problem with much softer friction, which is easy, back to the one asked.
-// Real-time thread.
+// and x is a solution where it is that projection itself: the residual. The solver begins with the active
+// set of the last step, which in a held grasp is right: one factorization and done. Where full steps do not
+// settle, the programme below goes on: first with other steps, then from a problem with much softer
+// friction, which is easy, back to the one asked. Real-time thread.
 #include "dynamics/newton.h"
 
 #include <assert.h>
@@ -46,8 +51,9 @@ typedef struct stage {
   bool damped;                                       // halve a step that leads away
 } stage;
 
-// Chosen on the recorded grasps and on random problems: of 5,000 nasty ones the first stage ends 98 %, the second 1.4 %, the
-// third 0.5 %, the softened ones all but 2 of the rest: 15 with the compliance asked, 6 with a softer one.
+// Chosen on the recorded grasps and on random problems: of 5,000 nasty ones the first stage ends 98 %, the
+// second 1.4 %, the third 0.5 %, the softened ones all but 2 of the rest: 15 with the compliance asked, 6
+// with a softer one. clang-format off: a row a stage
 static const stage programme[] = {
   {1.0, 1, 16, FROM_LAST_STEP, false},      {0.0, 1, 24, FROM_LAST_STEP, true},
   {0.1, 1, 16, FROM_LAST_STEP, true},       {1.0, 1e7, 12, FROM_LAST_STEP, false},
@@ -56,6 +62,7 @@ static const stage programme[] = {
   {0.33, 1e2, 8, FROM_STAGE_BEFORE, false}, {0.33, 1e1, 8, FROM_STAGE_BEFORE, false},
   {0.33, 1, 8, FROM_STAGE_BEFORE, false},
 };
+// clang-format on
 enum { STAGES = sizeof programme / sizeof programme[0], MOST_SOLVES = 100 };
 
 // ---- where to begin -------------------------------------------------------------------------------
@@ -127,7 +134,8 @@ static void project_contact(gv_newton *s, gv_newton_contact *c, double weight, d
   c->merit = p.merit;
 }
 
-// Next modes after a full step, and the residual over all contacts (not a number where there was no solution).
+// Next modes after a full step, and the residual over all contacts (not a number
+// where there was no solution).
 static double project(gv_newton *s, double weight, double softening) {
   double worst = 0.0;
   for (int i = 0; i < s->count; i++) {
@@ -159,8 +167,8 @@ static bool wants_another_state(const gv_newton_contact *c) {
   return c->residual > 1.0 && c->next.state != c->mode.state;
 }
 
-// Of contacts that want another state the one that is farthest off gets it: the others mostly follow from it, and where
-// all change at once they go in circles. Those that slide on follow their slip.
+// Of contacts that want another state the one that is farthest off gets it: the others mostly follow from
+// it, and where all change at once they go in circles. Those that slide on follow their slip.
 static void adopt_modes(gv_newton_contact contact[], int count) {
   double worst = 0.0;
   for (int i = 0; i < count; i++)
@@ -209,7 +217,8 @@ static double go_along_step(gv_newton *s, const stage *st, double t) {
   return merit;
 }
 
-// The first of 1, 1/2, 1/4... of the step that leads nearer to a solution, or the best of them. Returns its merit.
+// The first of 1, 1/2, 1/4... of the step that leads nearer to a solution, or the
+// best of them. Returns its merit.
 static double damp_step(gv_newton *s, const stage *st, double merit_before) {
   enum { HALVINGS = 5 };
   for (int i = 0; i < s->count; i++) {
@@ -220,7 +229,9 @@ static double damp_step(gv_newton *s, const stage *st, double merit_before) {
     s->row[i].full_impulse = s->row[i].impulse;
     s->row[i].full_u = s->row[i].u;
   }
-  double t = 1.0, best = 1.0, least = go_along_step(s, st, 1.0);
+  double t = 1.0;
+  double best = 1.0;
+  double least = go_along_step(s, st, 1.0);
   for (int i = 0; i < HALVINGS && least > merit_before; i++) {
     t *= 0.5;
     const double merit = go_along_step(s, st, t);

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// Joints' rows in the Newton solver: their part of the equations (4) and of the projection (6) of newton.c. Real-time
-// thread.
+// Joints' rows in the Newton solver: their part of the equations (4) and of the projection
+// (6) of newton.c. Real-time thread.
 #include "dynamics/newton_row.h"
 
 #include <assert.h>

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// Rows of joints in the Newton solver. A row's law is y = clamp(y - rho w), w = g - target + c y, the projection of
-// newton.c's (6) onto an interval in place of a cone: it holds (y follows linearly, stiffness 1/c on its Jacobian) or
-// stands at one of its bounds (y is known). Pure, real-time thread.
+// Rows of joints in the Newton solver. A row's law is y = clamp(y - rho w), w = g - target + c y, the
+// projection of newton.c's (6) onto an interval in place of a cone: it holds (y follows linearly, stiffness
+// 1/c on its Jacobian) or stands at one of its bounds (y is known). Pure, real-time thread.
 #ifndef NEWTON_ROW_H
 #define NEWTON_ROW_H
 
@@ -37,7 +37,8 @@ void gv_newton_rows_mark(struct gv_newton *s);
 void gv_newton_rows_add(struct gv_newton *s, bool symmetric);
 // Impulses and velocities after a solution.
 void gv_newton_rows_respond(struct gv_newton *s);
-// Next states and residuals, from impulses and velocities as they are. Returns the largest residual and adds to the merit.
+// Next states and residuals, from impulses and velocities as they are. Returns the largest
+// residual and adds to the merit.
 double gv_newton_rows_project(struct gv_newton *s, double weight, double *io_merit);
 // Rows that are not solved take their next state.
 void gv_newton_rows_adopt(struct gv_newton *s);

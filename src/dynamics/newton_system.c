@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// From the contact problem to the linear equations (4) of newton.c, and their solution. Limbs that touch one other body
-// are leaves of the graph of contacts: each is eliminated by itself before the matrix (one contact: (5), a 3 x 3 inverse;
-// more: one 6 x 6 block), and what it leaves on the other body is kept until one of its contacts changes its mode. So the
-// second and later solves of a step cost what has changed. Real-time thread.
+// From the contact problem to the linear equations (4) of newton.c, and their solution. Limbs that
+// touch one other body are leaves of the graph of contacts: each is eliminated by itself before the
+// matrix (one contact: (5), a 3 x 3 inverse; more: one 6 x 6 block), and what it leaves on the other
+// body is kept until one of its contacts changes its mode. So the second and later solves of a step
+// cost what has changed. Real-time thread.
 #include "dynamics/newton_system.h"
 
 #include <assert.h>
@@ -83,7 +84,8 @@ static gv_vec3 point_velocity(const gv_problem_body *b, gv_vec3 arm) {
 
 static void make_contact(gv_newton *s, const gv_problem *problem, int i) {
   const gv_problem_contact *from = &problem->contact[i];
-  const gv_problem_body *a = &problem->body[from->body_a], *b = &problem->body[from->body_b];
+  const gv_problem_body *a = &problem->body[from->body_a];
+  const gv_problem_body *b = &problem->body[from->body_b];
   gv_newton_contact *c = &s->contact[i];
   c->body_a = from->body_a;
   c->body_b = from->body_b;
@@ -158,12 +160,14 @@ bool gv_newton_set_up(gv_newton *s, const gv_problem *problem) {
 }
 
 void gv_newton_find_inverse_mass(const gv_newton *s, gv_newton_contact *c) {
-  double along = 0.0, trace = 0.0;
+  double along = 0.0;
+  double trace = 0.0;
   for (int side = 0; side < 2; side++) {
     const int n = side ? c->node_b : c->node_a;
     if (n < 0)
       continue;
-    const gv_vec3 arm = side ? c->arm_b : c->arm_a, turn = gv_cross(arm, c->normal);
+    const gv_vec3 arm = side ? c->arm_b : c->arm_a;
+    const gv_vec3 turn = gv_cross(arm, c->normal);
     const gv_mat3 *I = &s->node[n].inverse_inertia;
     const double by_mass = 1.0 / s->node[n].mass;
     along += by_mass + gv_dot(turn, gv_mat3_mul(I, turn));
@@ -254,7 +258,8 @@ static void assemble_limb(gv_newton *s, gv_newton_limb *limb, gv_block *out_mirr
     const gv_newton_contact *c = &s->contact[s->of_limb[limb->first + k]];
     if (c->mode.state == GV_NEWTON_OPEN)
       continue;
-    const gv_mat3 N = negative(&c->stiffness), NT = gv_mat3_transposed(&N);
+    const gv_mat3 N = negative(&c->stiffness);
+    const gv_mat3 NT = gv_mat3_transposed(&N);
     add_stiffness(&limb->own, &c->stiffness, c->arm_a, c->arm_a);
     add_row(limb->right.m, first_impulse(c), c->arm_a);
     if (limb->other < 0)
@@ -311,8 +316,10 @@ static void substitute_limb(gv_newton *s, const gv_newton_limb *limb) {
 
 static void add_coupling(gv_newton *s, const gv_newton_contact *c, bool symmetric) {
   const bool a_first = gv_blocks_first(&s->blocks, c->node_a, c->node_b) == c->node_a;
-  const gv_vec3 row = a_first ? c->arm_a : c->arm_b, column = a_first ? c->arm_b : c->arm_a;
-  const gv_mat3 N = negative(&c->stiffness), NT = gv_mat3_transposed(&N);
+  const gv_vec3 row = a_first ? c->arm_a : c->arm_b;
+  const gv_vec3 column = a_first ? c->arm_b : c->arm_a;
+  const gv_mat3 N = negative(&c->stiffness);
+  const gv_mat3 NT = gv_mat3_transposed(&N);
   add_stiffness(gv_blocks_at(&s->blocks, c->node_a, c->node_b), &N, row, column);
   if (!symmetric)
     add_stiffness(gv_blocks_mirror(&s->blocks, c->node_a, c->node_b), &NT, row, column);

@@ -5,8 +5,8 @@
 
 #include "dynamics/newton.h"
 
-// Bodies, contacts and the structure of the matrix. False where the problem is not for this solver: another law of
-// friction, or more blocks than there are.
+// Bodies, contacts and the structure of the matrix. False where the problem is not for this solver: another
+// law of friction, or more blocks than there are.
 bool gv_newton_set_up(gv_newton *s, const gv_problem *problem);
 // Every contact changes its mode: nothing is left of the last solution.
 void gv_newton_change_all(gv_newton *s);

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// The file that knows ODE; joints have one of their own, ode_joint.c (user guide, ode.org/wiki: "Contact", "Error and memory handling", "World").
-// One ODE body for each body number, all disabled. A call enables those that a contact names, gives them the
-// problem's positions, velocities without contacts, masses and inertias, steps, and reads their velocities.
-// The inertia is given in world axes with the rotation always the identity; there is no gravity and no
-// gyroscopic term, for the velocities hold them already; ODE's poses after the step are never read. A contact
-// joint's rows are those of the problem:
+// The file that knows ODE; joints have one of their own, ode_joint.c (user guide, ode.org/wiki: "Contact",
+// "Error and memory handling", "World"). One ODE body for each body number, all disabled. A call enables
+// those that a contact names, gives them the problem's positions, velocities without contacts, masses and
+// inertias, steps, and reads their velocities. The inertia is given in world axes with the rotation always
+// the identity; there is no gravity and no gyroscopic term, for the velocities hold them already; ODE's
+// poses after the step are never read. A contact joint's rows are those of the problem:
 //
 //   normal   dContactMotionN = target_velocity with depth 0, soft_cfm = c_n h
 //   tangents dContactFDir1, slip1 = slip2 = c_t h, mu or force limit

@@ -11,13 +11,15 @@
 
 // Friction along each of a contact's tangents is at most so much, N s; below 0: what its own law says, as ODE
 // reads it.
-typedef struct gv_ode_limit { double along[2]; } gv_ode_limit;
+typedef struct gv_ode_limit {
+  double along[2];
+} gv_ode_limit;
 #define GV_ODE_OWN_LAW (-1.0)
 
 // Which of ODE's solvers, and how.
 typedef struct gv_ode_method {
-  int iterations;            // of QuickStep; 0: Dantzig's solver
-  const gv_ode_limit *limit; // [contact_count]; null: each contact's own law
+  int iterations;             // of QuickStep; 0: Dantzig's solver
+  const gv_ode_limit *limit;  // [contact_count]; null: each contact's own law
 } gv_ode_method;
 
 // Null where the arena is too small, in a dry run, or while another one is open. Set-up only: makes heap

@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// Joints of a scene as ODE's own (user guide, "Joint types", "Stops and motor parameters"): fixed, ball, hinge, slider,
-// with stops for limits, a motor of velocity 0 for friction, and beside it a motor without a limit of force for the
-// spring, whose CFM is the spring's. ODE finds a joint's errors from what it keeps when the joint is made. So body a
-// is led to where the joint has none, the joint is made there, and a is led back. Real-time thread.
+// Joints of a scene as ODE's own (user guide, "Joint types", "Stops and motor parameters"): fixed, ball,
+// hinge, slider, with stops for limits, a motor of velocity 0 for friction, and beside it a motor without
+// a limit of force for the spring, whose CFM is the spring's. ODE finds a joint's errors from what it
+// keeps when the joint is made. So body a is led to where the joint has none, the joint is made there,
+// and a is led back. Real-time thread.
 #include "dynamics/ode_joint.h"
 
 typedef void set_parameter(dJointID joint, int parameter, dReal value);

@@ -101,13 +101,14 @@ typedef struct gv_dynamics_contact {
 void gv_problem_set_contacts(gv_problem *problem, const gv_config *cfg, const gv_dynamics_contact contact[],
                              int count, int out_index[]);
 
-// The law of joints (joint.c): states those of the scene that are not broken as rows. state: of every body, with
-// poses of this step; the problem's bodies and step are there already.
+// The law of joints (joint.c): states those of the scene that are not broken as rows. state: of every body,
+// with poses of this step; the problem's bodies and step are there already.
 void gv_problem_set_joints(gv_problem *problem, const gv_config *cfg, const gv_scene *scene,
                            const gv_body_state state[], const bool broken[GV_MAX_JOINTS]);
 // The part of a position error that a step takes back, as ODE has it.
 #define GV_JOINT_ERP 0.2
-// Force across a joint of this step, N: of the rows that hold its bodies together, from the answer's velocities.
+// Force across a joint of this step, N: of the rows that hold its bodies together,
+// from the answer's velocities.
 double gv_problem_joint_force(const gv_problem *problem, int joint, const gv_velocity velocity[]);
 // Position of a hinge (rad, -pi to pi) or slider (m); 0 of the others.
 double gv_joint_position(const gv_joint *joint, gv_pose T_world_a, gv_pose T_world_b);

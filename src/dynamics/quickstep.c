@@ -4,17 +4,20 @@
 // thread.
 #include "dynamics/ode.h"
 
-enum { LEAST = 10, MOST = 50 };            // iterations: fewer are worth nothing, more change little
-static const double row_s = 15e-9;         // of one row in one iteration, as measured (make bench)
+enum { LEAST = 10, MOST = 50 };     // iterations: fewer are worth nothing, more change little
+static const double row_s = 15e-9;  // of one row in one iteration, as measured (make bench)
 
-typedef struct gv_quickstep { gv_ode *ode; } gv_quickstep;
+typedef struct gv_quickstep {
+  gv_ode *ode;
+} gv_quickstep;
 
 static gv_outcome solve(void *memory, const gv_problem *problem, gv_velocity out_velocity[],
                         gv_vec3 out_impulse[]) {
   const gv_quickstep *s = memory;
   const double rows = fmax(3 * problem->contact_count + problem->row_count, 3);
   const gv_ode_method method = {.iterations = (int)gv_clamp(problem->budget_s / (row_s * rows), LEAST, MOST)};
-  if (!gv_ode_solve(s->ode, problem, &method, out_velocity, out_impulse)) return GV_OUTCOME_NONE;
+  if (!gv_ode_solve(s->ode, problem, &method, out_velocity, out_impulse))
+    return GV_OUTCOME_NONE;
   return GV_OUTCOME_SOLVED;
 }
 

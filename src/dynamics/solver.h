@@ -12,16 +12,16 @@
 typedef struct gv_ode gv_ode;
 
 typedef enum gv_outcome {
-  GV_OUTCOME_NONE,      // not for this solver, out of budget, or no answer: nothing was written
-  GV_OUTCOME_SOLVED,    // to the problem as stated
-  GV_OUTCOME_LAGGED,    // but friction was bounded by the normal impulses of an earlier iteration
-  GV_OUTCOME_SOFTENED   // but with more compliance than asked
+  GV_OUTCOME_NONE,     // not for this solver, out of budget, or no answer: nothing was written
+  GV_OUTCOME_SOLVED,   // to the problem as stated
+  GV_OUTCOME_LAGGED,   // but friction was bounded by the normal impulses of an earlier iteration
+  GV_OUTCOME_SOFTENED  // but with more compliance than asked
 } gv_outcome;
 
 typedef struct gv_contact_solver {
   const char *name;
-  size_t memory_size;   // bytes, all zero before init
-  void (*init)(void *memory, gv_ode *ode); // null: does without
+  size_t memory_size;                       // bytes, all zero before init
+  void (*init)(void *memory, gv_ode *ode);  // null: does without
   // Writes the velocities of the bodies that move and have a contact (the others are left as they are), and
   // the impulse on body a of each contact, N s, world axes. Calls with the same problem after `forget` give
   // the same bits.

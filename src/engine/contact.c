@@ -8,7 +8,11 @@
 
 #include "engine/engine_state.h"
 
-typedef struct rub { gv_friction friction; double mu; int material; } rub;
+typedef struct rub {
+  gv_friction friction;
+  double mu;
+  int material;
+} rub;
 
 // Velocity of a body's point after the step without contacts.
 static gv_vec3 point_velocity(const gv_body_state *s, gv_vec3 p) {
@@ -18,19 +22,23 @@ static gv_vec3 point_velocity(const gv_body_state *s, gv_vec3 p) {
 static int find_shallowest(const gv_engine *e) {
   int shallow = 0;
   for (int i = 1; i < e->effort.contacts_max; i++)
-    if (e->contact[i].depth_m < e->contact[shallow].depth_m) shallow = i;
+    if (e->contact[i].depth_m < e->contact[shallow].depth_m)
+      shallow = i;
   return shallow;
 }
 
 // The place for one more contact, or -1 where the list is full of deeper ones. The shallowest is looked for
 // only once between two that take its place: most of a crowd's contacts are shallower still.
 static int contact_slot(gv_engine *e, double depth) {
-  if (e->contact_count < e->effort.contacts_max) return e->contact_count++;
+  if (e->contact_count < e->effort.contacts_max)
+    return e->contact_count++;
   e->events |= GV_EVENT_CONTACTS_DROPPED;
   e->counters.contacts_dropped++;
-  if (e->shallowest < 0) e->shallowest = find_shallowest(e);
+  if (e->shallowest < 0)
+    e->shallowest = find_shallowest(e);
   const int slot = e->shallowest;
-  if (depth <= e->contact[slot].depth_m) return -1;
+  if (depth <= e->contact[slot].depth_m)
+    return -1;
   e->shallowest = -1;
   return slot;
 }
@@ -43,14 +51,18 @@ static gv_vec3 friction_dir(gv_vec3 slip, gv_vec3 normal) {
 
 static void add_contact(gv_engine *e, const gv_candidate *pair, const rub *rubbing,
                         const gv_contact_point *k) {
-  const gv_body_state *a = &e->broad.predicted[pair->body_a], *b = &e->broad.predicted[pair->body_b];
-  const gv_vec3 x = k->position_world, n = k->normal_world;
+  const gv_body_state *a = &e->broad.predicted[pair->body_a];
+  const gv_body_state *b = &e->broad.predicted[pair->body_b];
+  const gv_vec3 x = k->position_world;
+  const gv_vec3 n = k->normal_world;
   const gv_vec3 v = gv_sub(point_velocity(a, x), point_velocity(b, x));
   const double approach = -gv_dot(v, n);
   const double closing = approach > 0.0 ? approach : 0.0;
-  if (-k->depth > 0.5 * e->cfg.contact_margin_m + e->cfg.step_s * closing) return;
+  if (-k->depth > 0.5 * e->cfg.contact_margin_m + e->cfg.step_s * closing)
+    return;
   const int i = contact_slot(e, k->depth);
-  if (i < 0) return;
+  if (i < 0)
+    return;
   assert(i < GV_MAX_CONTACTS);
   gv_contact *told = &e->contact[i];
   told->limb = pair->body_a < GV_LIMBS ? pair->body_a : -1 - (pair->body_a - GV_LIMBS);
@@ -69,7 +81,8 @@ static void add_contact(gv_engine *e, const gv_candidate *pair, const rub *rubbi
   solved->depth = k->depth;
   solved->friction = rubbing->friction;
   solved->mu = rubbing->mu;
-  if (k->depth > e->counters.depth_max_m) e->counters.depth_max_m = k->depth;
+  if (k->depth > e->counters.depth_max_m)
+    e->counters.depth_max_m = k->depth;
 }
 
 static rub rub_of_hand(const gv_engine *e) {
@@ -79,17 +92,19 @@ static rub rub_of_object(const gv_object *o) { return (rub){o->friction, o->mu, 
 
 // Friction of two bodies: the preset's, what the scene says of the two materials, or the mean of both.
 static rub rub_between(const gv_engine *e, rub a, rub b) {
-  if (e->cfg.override_mu > 0.0) return (rub){e->cfg.friction, e->cfg.override_mu, GV_MATERIAL_NONE};
+  if (e->cfg.override_mu > 0.0)
+    return (rub){e->cfg.friction, e->cfg.override_mu, GV_MATERIAL_NONE};
   for (int i = 0; i < e->scene->friction_pair_count && a.material && b.material; i++) {
     const gv_friction_pair *p = &e->scene->friction_pair[i];
     const bool fits = p->material_a == a.material && p->material_b == b.material;
     const bool fits_turned = p->material_a == b.material && p->material_b == a.material;
-    if (fits || fits_turned) return (rub){p->friction, p->mu, GV_MATERIAL_NONE};
+    if (fits || fits_turned)
+      return (rub){p->friction, p->mu, GV_MATERIAL_NONE};
   }
-  if (a.friction != b.friction) return a.friction == GV_FRICTION_FIXED_LIMIT ? a : b;
+  if (a.friction != b.friction)
+    return a.friction == GV_FRICTION_FIXED_LIMIT ? a : b;
   return (rub){a.friction, sqrt(a.mu * b.mu), GV_MATERIAL_NONE};
 }
-
 
 static rub rub_of_body(const gv_engine *e, int body) {
   return body < GV_LIMBS ? rub_of_hand(e) : rub_of_object(&e->scene->object[body - GV_LIMBS]);
@@ -97,7 +112,8 @@ static rub rub_of_body(const gv_engine *e, int body) {
 
 static void collide_pair(gv_engine *e, const gv_candidate *pair, gv_distance *out_distance) {
   const gv_broad *broad = &e->broad;
-  const gv_body_state *a = &broad->predicted[pair->body_a], *b = &broad->predicted[pair->body_b];
+  const gv_body_state *a = &broad->predicted[pair->body_a];
+  const gv_body_state *b = &broad->predicted[pair->body_b];
   const gv_pair shapes = {gv_broad_shape_a(broad, pair), &a->T, &broad->piece_shape[pair->piece_b], &b->T};
   const double margin = broad->margin[pair->body_a] + broad->margin[pair->body_b];
   gv_contact_point point[GV_MAX_PAIR_CONTACTS];
@@ -106,16 +122,20 @@ static void collide_pair(gv_engine *e, const gv_candidate *pair, gv_distance *ou
     e->events |= GV_EVENT_OVERLAP;
     e->counters.overlaps++;
   }
-  if (count == 0) return;
+  if (count == 0)
+    return;
   const rub rubbing = rub_between(e, rub_of_body(e, pair->body_a), rub_of_body(e, pair->body_b));
-  for (int i = 0; i < count; i++) add_contact(e, pair, &rubbing, &point[i]);
+  for (int i = 0; i < count; i++)
+    add_contact(e, pair, &rubbing, &point[i]);
 }
 
 static void tell_left_over(gv_engine *e, int left_over) {
   e->counters.pairs_dropped += (uint64_t)e->broad.dropped;
   e->counters.pairs_left_over += (uint64_t)left_over;
-  if (e->broad.dropped > 0) e->events |= GV_EVENT_PAIRS_DROPPED;
-  if (left_over > 0) e->events |= GV_EVENT_PAIRS_LEFT_OVER;
+  if (e->broad.dropped > 0)
+    e->events |= GV_EVENT_PAIRS_DROPPED;
+  if (left_over > 0)
+    e->events |= GV_EVENT_PAIRS_LEFT_OVER;
 }
 
 static void collide_pairs(gv_engine *e) {
@@ -135,19 +155,23 @@ static void bound_object(gv_engine *e, int o) {
 }
 
 static void bound_hand(gv_engine *e) {
-  for (int l = 0; l < GV_LIMBS; l++) gv_dynamics_predict(e->dyn, l, &e->broad.predicted[l]);
+  for (int l = 0; l < GV_LIMBS; l++)
+    gv_dynamics_predict(e->dyn, l, &e->broad.predicted[l]);
   gv_broad_bound_limbs(&e->broad);
 }
 
 static void bound_objects(gv_engine *e) {
-  for (int i = 0; i < e->rest.moving_count; i++) bound_object(e, e->rest.moving[i]);
-  for (int o = 0; o < e->scene->object_count && e->counters.steps == 0; o++) bound_object(e, o);
+  for (int i = 0; i < e->rest.moving_count; i++)
+    bound_object(e, e->rest.moving[i]);
+  for (int o = 0; o < e->scene->object_count && e->counters.steps == 0; o++)
+    bound_object(e, o);
 }
 
 // ---- objects at rest ----
 
 void gv_engine_wake_object(gv_engine *e, int o) {
-  if (gv_rest_wake(&e->rest, o)) gv_dynamics_set_rest(e->dyn, GV_LIMBS + o, false);
+  if (gv_rest_wake(&e->rest, o))
+    gv_dynamics_set_rest(e->dyn, GV_LIMBS + o, false);
 }
 
 // One that wakes disturbs those behind it in the same step, the others in the next.
@@ -155,12 +179,14 @@ static void wake_objects(gv_engine *e) {
   gv_rest *rest = &e->rest;
   const int count = rest->moving_count;
   for (int o = 0; o < e->scene->object_count; o++) {
-    if (!rest->resting[o] || !gv_rest_is_disturbed(rest, &e->broad, e->placed, o)) continue;
+    if (!rest->resting[o] || !gv_rest_is_disturbed(rest, &e->broad, e->placed, o))
+      continue;
     gv_engine_wake_object(e, o);
     bound_object(e, o);
     rest->moving[rest->moving_count++] = o;
   }
-  if (rest->moving_count > count) gv_rest_list_moving(rest, e->scene);
+  if (rest->moving_count > count)
+    gv_rest_list_moving(rest, e->scene);
 }
 
 void gv_engine_put_to_rest(gv_engine *e) {
@@ -170,7 +196,8 @@ void gv_engine_put_to_rest(gv_engine *e) {
     const gv_body_state *s = gv_dynamics_state(e->dyn, GV_LIMBS + o);
     // One in a joint goes on: it may be pushed by way of the other.
     const int steps = e->in_joint[o] ? INT_MAX : enough;
-    if (!gv_rest_lies_still(&e->rest, &e->broad, e->placed, o, s, steps)) continue;
+    if (!gv_rest_lies_still(&e->rest, &e->broad, e->placed, o, s, steps))
+      continue;
     gv_dynamics_set_rest(e->dyn, GV_LIMBS + o, true);
   }
 }
@@ -181,15 +208,19 @@ void gv_engine_collide(gv_engine *e) {
   e->contact_count = 0;
   e->shallowest = -1;
   gv_rest_list_moving(&e->rest, e->scene);
-  if (e->placed) bound_hand(e);
+  if (e->placed)
+    bound_hand(e);
   bound_objects(e);
   wake_objects(e);
   gv_broad_list_none(&e->broad);
-  if (e->placed) gv_broad_list_hand(&e->broad);
+  if (e->placed)
+    gv_broad_list_hand(&e->broad);
   gv_broad_list_objects(&e->broad, e->rest.moving, e->rest.moving_count);
   collide_pairs(e);
   const uint32_t pairs = (uint32_t)(e->broad.pair_count + e->broad.dropped);
   const uint32_t contacts = (uint32_t)e->contact_count;
-  if (pairs > e->counters.pairs_max) e->counters.pairs_max = pairs;
-  if (contacts > e->counters.contacts_max) e->counters.contacts_max = contacts;
+  if (pairs > e->counters.pairs_max)
+    e->counters.pairs_max = pairs;
+  if (contacts > e->counters.contacts_max)
+    e->counters.contacts_max = contacts;
 }

@@ -14,8 +14,8 @@
 #define FAST_M_S 500.0
 #define SPIN_RAD_S 1e5
 
-// What the pairs of a step may take of the loop's period, and what they may in any case: those of a hand that holds
-// something.
+// What the pairs of a step may take of the loop's period, and what they may in any case: those
+// of a hand that holds something.
 #define COLLISION_SHARE 0.25
 #define LEAST_OPERATIONS 10000
 
@@ -162,7 +162,9 @@ static void move_driver(gv_engine *e) {
     if (!e->placed)
       d->T = *now;
     gv_vec3 moved = gv_sub(now->p, d->T.p);
-    gv_quat q = now->q, last = d->T.q, turned = gv_quat_mul(q, gv_quat_conj(last));
+    gv_quat q = now->q;
+    gv_quat last = d->T.q;
+    gv_quat turned = gv_quat_mul(q, gv_quat_conj(last));
     double k = 2.0 * turned.w;  // turned * q is `last` mirrored in q
     e->ahead[i] = (gv_pose){{k * q.w - last.w, k * q.x - last.x, k * q.y - last.y, k * q.z - last.z},
                             gv_add(now->p, moved)};
@@ -246,7 +248,8 @@ static void put_back(gv_engine *e, int body, const gv_pose *T_start) {
   e->counters.body_resets++;
 }
 
-// An object, and all that joints hold to it: one of them at its start and the other elsewhere would be thrown together.
+// An object, and all that joints hold to it: one of them at its start and the other
+// elsewhere would be thrown together.
 static void put_back_object(gv_engine *e, int object) {
   bool goes_back[GV_MAX_OBJECTS] = {false};
   goes_back[object] = true;
@@ -265,7 +268,8 @@ static void put_back_object(gv_engine *e, int object) {
 }
 
 static void guard_states(gv_engine *e) {
-  const gv_body_state *limb = gv_dynamics_state(e->dyn, 0), *object = gv_dynamics_state(e->dyn, GV_LIMBS);
+  const gv_body_state *limb = gv_dynamics_state(e->dyn, 0);
+  const gv_body_state *object = gv_dynamics_state(e->dyn, GV_LIMBS);
   for (int i = 0; i < GV_LIMBS; i++)
     if (!state_sound(&limb[i]))
       put_back(e, i, &e->driver[i].T);

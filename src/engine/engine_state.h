@@ -19,29 +19,32 @@ struct gv_engine {
   gv_condition condition;
   gv_spring spring[GV_LIMBS];
   double limb_inertia[GV_LIMBS];
-  double angle[GV_SENSORS];            // of the skeleton in this step, rad
-  gv_pose wrist;                       // T_world_wrist of this step
-  gv_pose skeleton[GV_LIMBS];          // T_world_limb of this step
-  gv_body_state driver[GV_LIMBS];      // the same with velocities
-  gv_pose ahead[GV_LIMBS];             // T_world_driver as it will be after the step, if it goes on at its velocity
-  gv_joint_axis joint[GV_SENSORS];     // of the driver
-  gv_vec3 felt_f[GV_LIMBS], felt_t[GV_LIMBS]; // by the person at the end of the last step: the opposite of the coupling
+  double angle[GV_SENSORS];         // of the skeleton in this step, rad
+  gv_pose wrist;                    // T_world_wrist of this step
+  gv_pose skeleton[GV_LIMBS];       // T_world_limb of this step
+  gv_body_state driver[GV_LIMBS];   // the same with velocities
+  gv_pose ahead[GV_LIMBS];          // T_world_driver as it will be after the step, if it goes on at
+                                    // its velocity
+  gv_joint_axis joint[GV_SENSORS];  // of the driver
+  gv_vec3 felt_f[GV_LIMBS], felt_t[GV_LIMBS];  // by the person at the end of the last step: the opposite
+                                               // of the coupling
   bool placed;
-  gv_broad broad;                      // bounds of this step, pairs, warm starts
+  gv_broad broad;  // bounds of this step, pairs, warm starts
   bool in_joint[GV_MAX_OBJECTS];
-  gv_rest rest;                        // which objects are simulated
-  gv_queue queue;                      // pairs of this step in the order in which they are asked
-  int collision_budget;                // operations that the pairs of a step may take
+  gv_rest rest;          // which objects are simulated
+  gv_queue queue;        // pairs of this step in the order in which they are asked
+  int collision_budget;  // operations that the pairs of a step may take
   gv_effort effort;
   int contact_count;
-  int shallowest;                      // of a full list of contacts; -1: not known
+  int shallowest;  // of a full list of contacts; -1: not known
   gv_contact contact[GV_MAX_CONTACTS];
   gv_dynamics_contact solver_contact[GV_MAX_CONTACTS];
   gv_counters counters;
   uint32_t events;
 };
 
-// Objects that lie still and alone are put to rest at a step's end and woken at the start of collision detection.
+// Objects that lie still and alone are put to rest at a step's end and woken at the
+// start of collision detection.
 void gv_engine_put_to_rest(gv_engine *engine);
 // The same for one, from outside.
 void gv_engine_wake_object(gv_engine *engine, int object);

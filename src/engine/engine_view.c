@@ -5,7 +5,10 @@
 #include "engine/engine_state.h"
 
 const gv_counters *gv_engine_counters(const gv_engine *e) { return &e->counters; }
-const gv_contact *gv_engine_contacts(const gv_engine *e, int *out_count) { *out_count = e->contact_count; return e->contact; }
+const gv_contact *gv_engine_contacts(const gv_engine *e, int *out_count) {
+  *out_count = e->contact_count;
+  return e->contact;
+}
 bool gv_engine_hand_placed(const gv_engine *e) { return e->placed; }
 gv_pose gv_engine_limb_pose(const gv_engine *e, int limb) { return gv_dynamics_state(e->dyn, limb)->T; }
 gv_pose gv_engine_driver_pose(const gv_engine *e, int limb) { return e->driver[limb].T; }
@@ -17,7 +20,9 @@ void gv_engine_coupling(const gv_engine *e, int limb, gv_vec3 *out_f, gv_vec3 *o
   *out_f = gv_neg(e->felt_f[limb]);
   *out_t = gv_neg(e->felt_t[limb]);
 }
-gv_pose gv_engine_object_pose(const gv_engine *e, int object) { return gv_dynamics_state(e->dyn, GV_LIMBS + object)->T; }
+gv_pose gv_engine_object_pose(const gv_engine *e, int object) {
+  return gv_dynamics_state(e->dyn, GV_LIMBS + object)->T;
+}
 void gv_engine_object_velocity(const gv_engine *e, int object, gv_vec3 *out_v, gv_vec3 *out_w) {
   *out_v = gv_dynamics_state(e->dyn, GV_LIMBS + object)->v;
   *out_w = gv_dynamics_state(e->dyn, GV_LIMBS + object)->w;
@@ -32,10 +37,12 @@ void gv_engine_memory(const gv_engine *e, size_t *out_used, size_t *out_peak, si
 double gv_engine_energy(const gv_engine *e) { return gv_dynamics_object_energy(e->dyn); }
 void gv_engine_push_object(gv_engine *e, int object, gv_vec3 f_world, gv_vec3 t_world) {
   gv_dynamics_add_force(e->dyn, GV_LIMBS + object, f_world, t_world);
-  if (gv_dynamics_pushed(e->dyn, GV_LIMBS + object)) gv_engine_wake_object(e, object);
+  if (gv_dynamics_pushed(e->dyn, GV_LIMBS + object))
+    gv_engine_wake_object(e, object);
 }
 void gv_engine_set_object(gv_engine *e, int object, gv_pose T_world_body, gv_vec3 v, gv_vec3 w) {
-  for (int o = 0; o < e->scene->object_count; o++) gv_engine_wake_object(e, o);  // it may have carried others
+  for (int o = 0; o < e->scene->object_count; o++)
+    gv_engine_wake_object(e, o);  // it may have carried others
   gv_broad_forget_sides(&e->broad, object);
   gv_dynamics_set_state(e->dyn, GV_LIMBS + object, &(gv_body_state){T_world_body, v, w});
 }
@@ -44,7 +51,8 @@ void gv_engine_set_object(gv_engine *e, int object, gv_pose T_world_body, gv_vec
 static bool is_first_of_pair(const gv_engine *e, int i) {
   const gv_contact *c = &e->contact[i];
   for (int k = 0; k < i; k++)
-    if (e->contact[k].limb == c->limb && e->contact[k].piece == c->piece) return false;
+    if (e->contact[k].limb == c->limb && e->contact[k].piece == c->piece)
+      return false;
   return true;
 }
 
@@ -54,19 +62,23 @@ int gv_engine_polygons(const gv_engine *e, gv_polygon_contact out[], int max) {
   int count = 0;
   for (int i = 0; i < e->contact_count; i++) {
     const gv_contact *c = &e->contact[i];
-    if (c->limb < 0 || !is_first_of_pair(e, i)) continue;
+    if (c->limb < 0 || !is_first_of_pair(e, i))
+      continue;
     const gv_pair pair = {&e->broad.limb_shape[c->limb], &gv_dynamics_state(e->dyn, c->limb)->T,
-                          &e->broad.piece_shape[c->piece], &gv_dynamics_state(e->dyn, GV_LIMBS + c->object)->T};
+                          &e->broad.piece_shape[c->piece],
+                          &gv_dynamics_state(e->dyn, GV_LIMBS + c->object)->T};
     int found = gv_polygon_depths(&pair, c->normal_world, 0.0, polygon, OF_PAIR);
     for (int k = 0; k < found && count < max; k++)
-      out[count++] = (gv_polygon_contact){c->limb, c->object, c->piece, polygon[k].face, polygon[k].depth, polygon[k].position_world};
+      out[count++] = (gv_polygon_contact){c->limb,         c->object,        c->piece,
+                                          polygon[k].face, polygon[k].depth, polygon[k].position_world};
   }
   return count;
 }
 
 static uint64_t fnv1a(uint64_t hash, const void *data, size_t size) {
   const uint8_t *byte = data;
-  for (size_t i = 0; i < size; i++) hash = (hash ^ byte[i]) * 1099511628211ULL;
+  for (size_t i = 0; i < size; i++)
+    hash = (hash ^ byte[i]) * 1099511628211ULL;
   return hash;
 }
 

@@ -14,23 +14,27 @@ static void put_float(uint8_t *out, double value) {
   const float single = (float)value;
   uint32_t bits;
   memcpy(&bits, &single, sizeof bits);
-  for (int i = 0; i < 4; i++) out[i] = (uint8_t)(bits >> (8 * i));
+  for (int i = 0; i < 4; i++)
+    out[i] = (uint8_t)(bits >> (8 * i));
 }
 
 static double get_float(const uint8_t *in) {
   uint32_t bits = 0;
   float single;
-  for (int i = 0; i < 4; i++) bits |= (uint32_t)in[i] << (8 * i);
+  for (int i = 0; i < 4; i++)
+    bits |= (uint32_t)in[i] << (8 * i);
   memcpy(&single, &bits, sizeof single);
   return (double)single;
 }
 
 static void put_floats(uint8_t *out, const double *value, int count) {
-  for (int i = 0; i < count; i++) put_float(out + 4 * i, value[i]);
+  for (int i = 0; i < count; i++)
+    put_float(out + 4 * i, value[i]);
 }
 
 static void get_floats(const uint8_t *in, double *out, int count) {
-  for (int i = 0; i < count; i++) out[i] = get_float(in + 4 * i);
+  for (int i = 0; i < count; i++)
+    out[i] = get_float(in + 4 * i);
 }
 
 static void put_head(uint8_t *out, const char *magic, uint8_t flags, uint16_t number) {
@@ -42,7 +46,8 @@ static void put_head(uint8_t *out, const char *magic, uint8_t flags, uint16_t nu
 }
 
 static bool get_head(const uint8_t *in, const char *magic, int known, uint8_t *flags, uint16_t *number) {
-  if (memcmp(in, magic, 4) != 0 || in[AT_VERSION] != VERSION || (in[AT_FLAGS] & ~known)) return false;
+  if (memcmp(in, magic, 4) != 0 || in[AT_VERSION] != VERSION || (in[AT_FLAGS] & ~known))
+    return false;
   *flags = in[AT_FLAGS];
   *number = (uint16_t)(in[AT_NUMBER] | in[AT_NUMBER + 1] << 8);
   return true;
@@ -57,9 +62,11 @@ static bool get_pose(const uint8_t *in, gv_pose *out) {
   double v[7];
   get_floats(in, v, 7);
   for (int i = 0; i < 3; i++)
-    if (!(fabs(v[i]) <= reach_m)) return false;
+    if (!(fabs(v[i]) <= reach_m))
+      return false;
   const double length = sqrt(v[3] * v[3] + v[4] * v[4] + v[5] * v[5] + v[6] * v[6]);
-  if (!(fabs(length - 1.0) <= length_off)) return false;
+  if (!(fabs(length - 1.0) <= length_off))
+    return false;
   *out = (gv_pose){gv_quat_normalize((gv_quat){v[3], v[4], v[5], v[6]}), {v[0], v[1], v[2]}};
   return true;
 }
@@ -67,7 +74,8 @@ static bool get_pose(const uint8_t *in, gv_pose *out) {
 static bool get_grip(const uint8_t *in, double out[GV_FINGERS]) {
   get_floats(in, out, GV_FINGERS);
   for (int f = 0; f < GV_FINGERS; f++)
-    if (!(out[f] >= 0.0 && out[f] <= 1.0)) return false;
+    if (!(out[f] >= 0.0 && out[f] <= 1.0))
+      return false;
   return true;
 }
 
@@ -78,8 +86,10 @@ void gv_hand_input_pack(const gv_hand_input *in, uint8_t out[GV_HAND_INPUT_BYTES
 }
 
 bool gv_hand_input_unpack(const uint8_t *data, size_t size, gv_hand_input *out) {
-  if (size != GV_HAND_INPUT_BYTES) return false;
-  if (!get_head(data, "GVHI", INPUT_FLAGS, &out->flags, &out->number)) return false;
+  if (size != GV_HAND_INPUT_BYTES)
+    return false;
+  if (!get_head(data, "GVHI", INPUT_FLAGS, &out->flags, &out->number))
+    return false;
   return get_pose(data + AT_WRIST, &out->T_world_wrist) && get_grip(data + AT_GRIP, out->grip);
 }
 
@@ -91,11 +101,15 @@ void gv_hand_output_pack(const gv_hand_output *in, uint8_t out[GV_HAND_OUTPUT_BY
 }
 
 bool gv_hand_output_unpack(const uint8_t *data, size_t size, gv_hand_output *out) {
-  if (size != GV_HAND_OUTPUT_BYTES) return false;
-  if (!get_head(data, "GVHO", OUTPUT_FLAGS, &out->flags, &out->number)) return false;
-  if (!get_pose(data + AT_WRIST, &out->T_world_wrist) || !get_grip(data + AT_GRIP, out->grip)) return false;
+  if (size != GV_HAND_OUTPUT_BYTES)
+    return false;
+  if (!get_head(data, "GVHO", OUTPUT_FLAGS, &out->flags, &out->number))
+    return false;
+  if (!get_pose(data + AT_WRIST, &out->T_world_wrist) || !get_grip(data + AT_GRIP, out->grip))
+    return false;
   get_floats(data + AT_TENSION, out->tension_n, GV_FINGERS);
   for (int f = 0; f < GV_FINGERS; f++)
-    if (!isfinite(out->tension_n[f])) return false;
+    if (!isfinite(out->tension_n[f]))
+      return false;
   return true;
 }

@@ -38,7 +38,7 @@ typedef struct gv_hand_input {
   uint8_t flags;
   uint16_t number;
   gv_pose T_world_wrist;
-  double grip[GV_FINGERS];     // 0..1
+  double grip[GV_FINGERS];  // 0..1
 } gv_hand_input;
 
 typedef struct gv_hand_output {

@@ -2,8 +2,11 @@
 // What a recorded trace must give: its file data/traces/NAME/expected. Lines before `steps` are written by
 // hand, the rest by `make golden`:
 //
-//   scene FILE                 object NAME                hold_s FROM TO: window in which the object is held in the air
-//   limits VARIANT slip_mm A tilt_deg B depth_mm C ripple_n D    in that window; `default` also holds for variants without a line
+//   scene FILE
+//   object NAME
+//   hold_s FROM TO             window in which the object is held in the air
+//   limits VARIANT slip_mm A tilt_deg B depth_mm C ripple_n D    in that window; `default` also holds for
+//                              variants without a line
 //   steps N
 //   hash_VARIANT HEX           of the last step's state
 //   chain HEX...               low 16 bits of FNV over the hashes so far, one per step, variant default
@@ -21,26 +24,43 @@ enum { MAX_STEPS = 60000 };
 
 // The engine in the ways that it can be set up: each solver and narrow phase, and the presets.
 typedef enum variant {
-  VARIANT_DEFAULT, VARIANT_NEWTON, VARIANT_DANTZIG, VARIANT_QUICKSTEP, VARIANT_LIBCCD, VARIANT_STOCK, VARIANT_PAPER, VARIANTS
+  VARIANT_DEFAULT,
+  VARIANT_NEWTON,
+  VARIANT_DANTZIG,
+  VARIANT_QUICKSTEP,
+  VARIANT_LIBCCD,
+  VARIANT_STOCK,
+  VARIANT_PAPER,
+  VARIANTS
 } variant;
-static const char *const variant_name[VARIANTS] = {"default", "newton", "dantzig", "quickstep", "libccd", "stock", "paper"};
+static const char *const variant_name[VARIANTS] = {"default", "newton", "dantzig", "quickstep",
+                                                   "libccd",  "stock",  "paper"};
 
 static inline gv_config variant_config(variant v) {
-  gv_config c = v == VARIANT_PAPER ? gv_config_paper() : v == VARIANT_STOCK ? gv_config_stock() : gv_config_default();
-  if (v == VARIANT_NEWTON) c.solver = GV_SOLVER_NEWTON;
-  if (v == VARIANT_DANTZIG) c.solver = GV_SOLVER_DANTZIG;
-  if (v == VARIANT_QUICKSTEP) c.solver = GV_SOLVER_QUICKSTEP;
-  if (v == VARIANT_LIBCCD) c.narrow = GV_NARROW_LIBCCD;
+  gv_config c = v == VARIANT_PAPER   ? gv_config_paper()
+                : v == VARIANT_STOCK ? gv_config_stock()
+                                     : gv_config_default();
+  if (v == VARIANT_NEWTON)
+    c.solver = GV_SOLVER_NEWTON;
+  if (v == VARIANT_DANTZIG)
+    c.solver = GV_SOLVER_DANTZIG;
+  if (v == VARIANT_QUICKSTEP)
+    c.solver = GV_SOLVER_QUICKSTEP;
+  if (v == VARIANT_LIBCCD)
+    c.narrow = GV_NARROW_LIBCCD;
   return c;
 }
 
 static inline int variant_of_name(const char *name) {
   for (int v = 0; v < VARIANTS; v++)
-    if (strcmp(variant_name[v], name) == 0) return v;
+    if (strcmp(variant_name[v], name) == 0)
+      return v;
   return -1;
 }
 
-typedef struct hold_limits { double slip_mm, tilt_deg, depth_mm, ripple_n; } hold_limits;
+typedef struct hold_limits {
+  double slip_mm, tilt_deg, depth_mm, ripple_n;
+} hold_limits;
 
 typedef struct expectation {
   char name[64], scene[128], script[128], object[GV_MAX_NAME];
@@ -65,10 +85,11 @@ static inline void read_chain(expectation *x, const char *at) {
 static inline void read_limits(expectation *x, const char *line) {
   char name[16];
   hold_limits l;
-  const int found = sscanf(line, "limits %15s slip_mm %lf tilt_deg %lf depth_mm %lf ripple_n %lf", name, &l.slip_mm, &l.tilt_deg,
-                           &l.depth_mm, &l.ripple_n);
+  const int found = sscanf(line, "limits %15s slip_mm %lf tilt_deg %lf depth_mm %lf ripple_n %lf", name,
+                           &l.slip_mm, &l.tilt_deg, &l.depth_mm, &l.ripple_n);
   const int v = found == 5 ? variant_of_name(name) : -1;
-  if (v < 0) return;
+  if (v < 0)
+    return;
   x->limited[v] = true;
   x->limits[v] = l;
 }
@@ -76,14 +97,17 @@ static inline void read_limits(expectation *x, const char *line) {
 static inline void read_line(expectation *x, const char *line) {
   char name[16];
   uint64_t hash;
-  if (strncmp(line, "chain ", 6) == 0) read_chain(x, line + 6);
-  if (strncmp(line, "limits ", 7) == 0) read_limits(x, line);
+  if (strncmp(line, "chain ", 6) == 0)
+    read_chain(x, line + 6);
+  if (strncmp(line, "limits ", 7) == 0)
+    read_limits(x, line);
   sscanf(line, "scene %127s", x->scene);
   sscanf(line, "script %127s", x->script);
   sscanf(line, "object %31s", x->object);
   sscanf(line, "hold_s %lf %lf", &x->hold_from_s, &x->hold_to_s);
   sscanf(line, "steps %d", &x->steps);
-  if (sscanf(line, "hash_%15s %" SCNx64, name, &hash) == 2 && variant_of_name(name) >= 0) x->hash[variant_of_name(name)] = hash;
+  if (sscanf(line, "hash_%15s %" SCNx64, name, &hash) == 2 && variant_of_name(name) >= 0)
+    x->hash[variant_of_name(name)] = hash;
 }
 
 // 0, or negative where the file is not there or says too little.
@@ -93,11 +117,14 @@ static inline int expectation_read(const char *trace, expectation *x) {
   snprintf(x->name, sizeof x->name, "%s", trace);
   snprintf(path, sizeof path, "data/traces/%s/expected", trace);
   FILE *f = fopen(path, "r");
-  if (!f) return -1;
-  while (fgets(line, sizeof line, f)) read_line(x, line);
+  if (!f)
+    return -1;
+  while (fgets(line, sizeof line, f))
+    read_line(x, line);
   fclose(f);
   for (int v = 0; v < VARIANTS; v++)
-    if (!x->limited[v]) x->limits[v] = x->limits[VARIANT_DEFAULT];
+    if (!x->limited[v])
+      x->limits[v] = x->limits[VARIANT_DEFAULT];
   return x->scene[0] && x->object[0] && x->limited[VARIANT_DEFAULT] ? 0 : -1;
 }
 
@@ -105,20 +132,28 @@ static inline void expectation_write(const expectation *x) {
   char path[256];
   snprintf(path, sizeof path, "data/traces/%s/expected", x->name);
   FILE *f = fopen(path, "w");
-  if (!f) { perror(path); exit(2); }
-  fprintf(f, "# What this trace must give (test/replay/expectation.h). Lines before `steps` are written by hand, the rest\n"
+  if (!f) {
+    perror(path);
+    exit(2);
+  }
+  fprintf(f, "# What this trace must give (test/replay/expectation.h). Lines before `steps` are written by "
+             "hand, the rest\n"
              "# by `make golden`.\n");
   fprintf(f, "scene %s\n", x->scene);
-  if (x->script[0]) fprintf(f, "script %s\n", x->script);
+  if (x->script[0])
+    fprintf(f, "script %s\n", x->script);
   fprintf(f, "object %s\nhold_s %g %g\n", x->object, x->hold_from_s, x->hold_to_s);
   for (int v = 0; v < VARIANTS; v++) {
     const hold_limits *l = &x->limits[v];
-    if (x->limited[v]) fprintf(f, "limits %s slip_mm %g tilt_deg %g depth_mm %g ripple_n %g\n", variant_name[v], l->slip_mm, l->tilt_deg,
-                               l->depth_mm, l->ripple_n);
+    if (x->limited[v])
+      fprintf(f, "limits %s slip_mm %g tilt_deg %g depth_mm %g ripple_n %g\n", variant_name[v], l->slip_mm,
+              l->tilt_deg, l->depth_mm, l->ripple_n);
   }
   fprintf(f, "steps %d", x->steps);
-  for (int v = 0; v < VARIANTS; v++) fprintf(f, "\nhash_%s %016" PRIx64, variant_name[v], x->hash[v]);
-  for (int i = 0; i < x->chain_length; i++) fprintf(f, "%s%04x", i % 24 ? "" : "\nchain ", x->chain[i]);
+  for (int v = 0; v < VARIANTS; v++)
+    fprintf(f, "\nhash_%s %016" PRIx64, variant_name[v], x->hash[v]);
+  for (int i = 0; i < x->chain_length; i++)
+    fprintf(f, "%s%04x", i % 24 ? "" : "\nchain ", x->chain[i]);
   fprintf(f, "\n");
   fclose(f);
 }

@@ -19,15 +19,16 @@ typedef struct measures {
   uint64_t hash;
   double slip_m, tilt_rad, depth_m, ripple_n;  // while held
   double lift_m;                               // least height above the start while held
-  long loaded, outside;                        // contacts with a force while held, and those beyond Coulomb's cone
+  long loaded, outside;                        // contacts with a force while held, and those beyond
+                                               // Coulomb's cone
   double worst_friction;                       // friction / (mu x normal force) of those
   double force_max_n, rise_max_n;              // of what left through the limiter, any time
   gv_counters counters;
   uint16_t chain[MAX_STEPS];
 } measures;
 
-typedef struct watch {        // what has to be remembered from step to step
-  gv_pose held_at;            // object in the palm at the window's start
+typedef struct watch {  // what has to be remembered from step to step
+  gv_pose held_at;      // object in the palm at the window's start
   gv_vec3 last_f[GV_LIMBS];
   double ripple2[GV_LIMBS], last_out_n[GV_FINGERS];
   int held_steps;
@@ -44,7 +45,8 @@ typedef struct replay_run {
 
 static inline int find_object(const gv_scene *scene, const char *name) {
   for (int i = 0; i < scene->object_count; i++)
-    if (!strcmp(scene->object[i].name, name)) return i;
+    if (!strcmp(scene->object[i].name, name))
+      return i;
   return -1;
 }
 
@@ -56,7 +58,8 @@ static inline int replay_open(const expectation *x, variant v, replay_run *r) {
   r->settings.engine = variant_config(v);
   gv_arena_init(&arena, scene_memory, sizeof scene_memory);
   snprintf(path, sizeof path, "data/traces/%s/input.log.gz", x->name);
-  if (gv_scene_load(x->scene, &arena, &r->scene, err, sizeof err) || gv_trace_open(path, &r->trace, err, sizeof err)) {
+  if (gv_scene_load(x->scene, &arena, &r->scene, err, sizeof err) ||
+      gv_trace_open(path, &r->trace, err, sizeof err)) {
     printf("  %s\n", err);
     return -1;
   }
@@ -74,11 +77,14 @@ static inline int replay_open(const expectation *x, variant v, replay_run *r) {
 static inline void watch_friction(const gv_engine *e, measures *m) {
   for (int i = 0; i < e->contact_count; i++) {
     const gv_vec3 f = e->contact[i].force_world;
-    if (e->solver_contact[i].friction == GV_FRICTION_FIXED_LIMIT || gv_norm(f) < 0.001) continue;
-    const double normal = gv_dot(f, e->contact[i].normal_world), mu = e->solver_contact[i].mu;
+    if (e->solver_contact[i].friction == GV_FRICTION_FIXED_LIMIT || gv_norm(f) < 0.001)
+      continue;
+    const double normal = gv_dot(f, e->contact[i].normal_world);
+    const double mu = e->solver_contact[i].mu;
     const double tangent = gv_norm(gv_mad(f, -normal, e->contact[i].normal_world));
     m->loaded++;
-    if (tangent <= mu * normal * 1.001 + 1e-4) continue;
+    if (tangent <= mu * normal * 1.001 + 1e-4)
+      continue;
     m->outside++;
     m->worst_friction = fmax(m->worst_friction, tangent / fmax(mu * normal, 1e-4));
   }
@@ -88,7 +94,8 @@ static inline void watch_coupling(const gv_engine *e, bool held, watch *w) {
   for (int i = 0; i < GV_LIMBS; i++) {
     gv_vec3 f, torque;
     gv_engine_coupling(e, i, &f, &torque);
-    if (held && w->held_steps) w->ripple2[i] += gv_norm2(gv_sub(f, w->last_f[i]));
+    if (held && w->held_steps)
+      w->ripple2[i] += gv_norm2(gv_sub(f, w->last_f[i]));
     w->last_f[i] = f;
   }
 }
@@ -97,17 +104,21 @@ static inline void watch_hold(const expectation *x, const replay_run *r, double 
   const gv_engine *e = r->engine;
   const bool held = t >= x->hold_from_s && t <= x->hold_to_s;
   const gv_pose T_world_object = gv_engine_object_pose(e, r->object);
-  const gv_pose T_palm_object = gv_pose_mul(gv_pose_inv(gv_engine_limb_pose(e, GV_LIMB_PALM)), T_world_object);
+  const gv_pose T_palm_object = gv_pose_mul(gv_pose_inv(gv_engine_limb_pose(e, GV_LIMB_PALM)),
+                                            T_world_object);
   watch_coupling(e, held, w);
-  if (!held) return;
+  if (!held)
+    return;
   if (!w->held_steps) {
     w->held_at = T_palm_object;
     m->lift_m = 1e9;
   }
   watch_friction(e, m);
-  for (int i = 0; i < e->contact_count; i++) m->depth_m = fmax(m->depth_m, e->contact[i].depth_m);
+  for (int i = 0; i < e->contact_count; i++)
+    m->depth_m = fmax(m->depth_m, e->contact[i].depth_m);
   m->slip_m = fmax(m->slip_m, gv_norm(gv_sub(T_palm_object.p, w->held_at.p)));
-  m->tilt_rad = fmax(m->tilt_rad, gv_norm(gv_quat_log(gv_quat_mul(T_palm_object.q, gv_quat_conj(w->held_at.q)))));
+  m->tilt_rad = fmax(m->tilt_rad,
+                     gv_norm(gv_quat_log(gv_quat_mul(T_palm_object.q, gv_quat_conj(w->held_at.q)))));
   m->lift_m = fmin(m->lift_m, T_world_object.p.z - r->start_z);
   w->held_steps++;
 }
@@ -129,8 +140,11 @@ static inline int replay(const expectation *x, variant v, bool every_step, measu
   watch w = {0};
   uint64_t chain = 14695981039346656037ULL;
   memset(m, 0, sizeof *m);
-  if (replay_open(x, v, &r)) return -1;
-  const gv_session_config cfg = {.limiter = r.settings.limiter, .safety = r.settings.safety, .side = r.settings.engine.hand.side,
+  if (replay_open(x, v, &r))
+    return -1;
+  const gv_session_config cfg = {.limiter = r.settings.limiter,
+                                 .safety = r.settings.safety,
+                                 .side = r.settings.engine.hand.side,
                                  .period_s = r.settings.engine.step_s};
   gv_session_init(&session, &cfg, r.engine);
   for (int step = 0; step < MAX_STEPS && !r.trace.ended(r.trace.self); step++) {
@@ -139,10 +153,12 @@ static inline int replay(const expectation *x, variant v, bool every_step, measu
     gv_session_step(&session, step * period_ns, frame, count, 0, &command);
     watch_forces(&session, &w, m);
     watch_hold(x, &r, step * 1e-3, &w, m);
-    if (every_step) m->chain[step] = (uint16_t)(chain = (chain ^ gv_engine_hash(r.engine)) * 1099511628211ULL);
+    if (every_step)
+      m->chain[step] = (uint16_t)(chain = (chain ^ gv_engine_hash(r.engine)) * 1099511628211ULL);
     m->steps = step + 1;
   }
-  for (int i = 0; i < GV_LIMBS; i++) m->ripple_n = fmax(m->ripple_n, sqrt(w.ripple2[i] / fmax(1, w.held_steps - 1)));
+  for (int i = 0; i < GV_LIMBS; i++)
+    m->ripple_n = fmax(m->ripple_n, sqrt(w.ripple2[i] / fmax(1, w.held_steps - 1)));
   m->hash = gv_engine_hash(r.engine);
   m->counters = *gv_engine_counters(r.engine);
   r.trace.close(r.trace.self);

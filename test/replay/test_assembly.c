@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// Assembly: a scripted user's hand presses a lever, pulls a drawer, opens a lid, takes the top of a stack and puts a peg
-// into a hole, without clock or descriptor. Each scene's own rule is judged, and the hash of every end state
-// (assembly.golden; `test_assembly --update` writes it anew). `test_assembly SCENE SCRIPT [MS]` shows how it goes.
+// Assembly: a scripted user's hand presses a lever, pulls a drawer, opens a lid, takes the top of a
+// stack and puts a peg into a hole, without clock or descriptor. Each scene's own rule is judged, and
+// the hash of every end state (assembly.golden; `test_assembly --update` writes it anew). `test_assembly
+// SCENE SCRIPT [MS]` shows how it goes.
 #include <inttypes.h>
 #include <string.h>
 
@@ -179,7 +180,8 @@ static double hand_moment(gv_vec3 hinge) {
   return sum;
 }
 
-// Pressed and held, moments balance: spring, weight, fingers; friction takes at most its 0.005 N m. Let go, it is up again.
+// Pressed and held, moments balance: spring, weight, fingers; friction takes at most its
+// 0.005 N m. Let go, it is up again.
 static void press_the_lever(void) {
   begin("lever", "press_lever");
   run_to(3400);
@@ -239,7 +241,8 @@ static void take_the_top(void) {
   const double still = gv_norm(gv_sub(pose("middle").p, gv_v3(0, 0, 0.075)));
   CHECK(still < 1e-4, "the stack moved by %g m by itself", still);
   run_to(8000);
-  const gv_vec3 low = pose("low").p, middle = pose("middle").p;
+  const gv_vec3 low = pose("low").p;
+  const gv_vec3 middle = pose("middle").p;
   CHECK(pose("high").p.z > 0.22, "the top is at %g m", pose("high").p.z);
   CHECK(gv_norm(gv_sub(low, gv_v3(0, 0, 0.025))) < 2e-4, "the lowest moved to %g %g", low.x, low.y);
   CHECK(gv_norm(gv_sub(middle, gv_v3(0, 0, 0.075))) < 1e-3, "the middle one moved to %g %g", middle.x,
@@ -249,8 +252,9 @@ static void take_the_top(void) {
   finish();
 }
 
-// In the hole it stands upright between the walls and lies still. Nothing went deeper than 0.05 mm while the hand led it;
-// let go, it falls the last 20 mm. QuickStep's friction, a pyramid and not exact, holds it at the hole's mouth.
+// In the hole it stands upright between the walls and lies still. Nothing went deeper than 0.05 mm
+// while the hand led it; let go, it falls the last 20 mm. QuickStep's friction, a pyramid and not
+// exact, holds it at the hole's mouth.
 static void put_in_the_peg(void) {
   begin("peg", "peg_in_hole");
   run_to(8400);
@@ -270,7 +274,8 @@ static void put_in_the_peg(void) {
   finish();
 }
 
-// Turned by 3 degrees about the vertical, which the hole does not take: 0.2 mm over half a side of 30 mm are 0.38.
+// Turned by 3 degrees about the vertical, which the hole does not take: 0.2 mm over
+// half a side of 30 mm are 0.38.
 static void jam_the_peg(void) {
   begin("peg", "peg_in_hole");
   const gv_quat turn = gv_quat_axis_angle(gv_v3(0, 0, 1), 3 * GV_PI / 180);

@@ -1,10 +1,13 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// The recorded grasps with a device as real ones are (8 bits, 90 to 150 Hz, noise, jumps, late and lost frames): every
-// seed must hold what it lifted, and what the person feels must be quiet. Once with a user who holds still and once
-// with one who sways and trembles. Everything in virtual time: the simulated device, the session, the engine.
+// The recorded grasps with a device as real ones are (8 bits, 90 to 150 Hz, noise, jumps, late and lost
+// frames): every seed must hold what it lifted, and what the person feels must be quiet. Once with a
+// user who holds still and once with one who sways and trembles. Everything in virtual time: the
+// simulated device, the session, the engine.
 //
 //   test_real                        16 seeds of every grasp
-//   test_real SCRIPT k_f [best] [moving] [NAME=VALUE...]  one grasp on 16 seeds with another stiffness and device settings: a line a seed
+//   test_real SCRIPT k_f [best] [moving] [NAME=VALUE...]
+//                                    one grasp on 16 seeds with another stiffness and device settings: a
+//                                    line a seed
 #include <stdlib.h>
 #include <string.h>
 
@@ -25,17 +28,20 @@ static gv_settings settings;
 typedef struct grasp {
   const char *script, *scene, *object;
 } grasp;
-static const grasp grasps[] = {  // the last hangs on two limbs and swings
+static const grasp grasps[] = {
+  // the last hangs on two limbs and swings
   {"power_box", "box", "box"},   {"pinch_box", "box", "box"},     {"tripod_box", "box", "box"},
   {"regrasp_box", "box", "box"}, {"bar_frame", "frame", "frame"}, {"finger_frame", "frame", "frame"},
 };
 enum { GRASPS = sizeof grasps / sizeof grasps[0] };
 
 typedef struct measures {
-  double way_m;                 // while held: how far the object moved in the palm at most, the fingers' wandering included
-  double slip_m;                // from its mean place in the first second to that in the last: what does not come back
-  double lift_m;                // least height above the start
-  double felt_std_n;            // largest of the five fingers' force, while held
+  double way_m;       // while held: how far the object moved in the palm at most, the
+                      // fingers' wandering included
+  double slip_m;      // from its mean place in the first second to that in the last: what
+                      // does not come back
+  double lift_m;      // least height above the start
+  double felt_std_n;  // largest of the five fingers' force, while held
   double felt_mean_n[GV_FINGERS];
 } measures;
 
@@ -48,7 +54,8 @@ static void make_user_move(gv_sim_device *device, double sway_rad) {
 
 static int find_object(const char *name) {
   for (int i = 0; i < scene.object_count; i++)
-    if (strcmp(scene.object[i].name, name) == 0) return i;
+    if (strcmp(scene.object[i].name, name) == 0)
+      return i;
   return -1;
 }
 
@@ -60,11 +67,15 @@ static gv_engine *start(const grasp *g, const gv_sim_device *device, uint64_t se
   bool sound = gv_scene_load(path, &arena, &scene, err, sizeof err) == 0;
   snprintf(path, sizeof path, "data/scripts/%s.user", g->script);
   sound = sound && gv_sim_script_load(path, &script, err, sizeof err) == 0;
-  gv_engine *engine = sound ? gv_engine_init(engine_memory, sizeof engine_memory, &settings.engine, &scene) : NULL;
+  gv_engine *engine = sound ? gv_engine_init(engine_memory, sizeof engine_memory, &settings.engine, &scene)
+                            : NULL;
   CHECK(engine != NULL, "%s: %s", g->script, err);
-  if (!engine) return NULL;
-  const gv_session_config cfg = {
-    .limiter = settings.limiter, .safety = settings.safety, .side = settings.engine.hand.side, .period_s = settings.engine.step_s};
+  if (!engine)
+    return NULL;
+  const gv_session_config cfg = {.limiter = settings.limiter,
+                                 .safety = settings.safety,
+                                 .side = settings.engine.hand.side,
+                                 .period_s = settings.engine.step_s};
   gv_session_init(&session, &cfg, engine);
   gv_sim_init(&sim, &script, device, seed);
   gv_sim_start(&sim);
@@ -80,31 +91,41 @@ static void step(int64_t now_ns) {
 }
 
 static gv_pose object_in_palm(const gv_engine *engine, int object) {
-  return gv_pose_mul(gv_pose_inv(gv_engine_limb_pose(engine, GV_LIMB_PALM)), gv_engine_object_pose(engine, object));
+  return gv_pose_mul(gv_pose_inv(gv_engine_limb_pose(engine, GV_LIMB_PALM)),
+                     gv_engine_object_pose(engine, object));
 }
 
 // Script times are of the power grasp; regrasp holds later, all hold from 5.6 s on and to 14.6 s.
 static bool run(const grasp *g, const gv_sim_device *device, uint64_t seed, measures *m) {
-  double sum[GV_FINGERS] = {0}, sum2[GV_FINGERS] = {0};
+  double sum[GV_FINGERS] = {0};
+  double sum2[GV_FINGERS] = {0};
   gv_pose held_at = gv_pose_identity();
   gv_engine *engine = start(g, device, seed);
-  if (!engine) return false;
+  if (!engine)
+    return false;
   const int object = find_object(g->object);
   const double start_z = gv_engine_object_pose(engine, object).p.z;
   const double end_s = script.end_s - 0.3;
   const int64_t period_ns = (int64_t)(1e9 * settings.engine.step_s + 0.5);
-  const int64_t held_to_ns = (int64_t)(1e9 * (end_s - 0.4)), held_from_ns = held_to_ns - 9000000000;
-  const int second = (int)(1.0 / settings.engine.step_s + 0.5), last_from = 8 * second;
-  gv_vec3 first = {0, 0, 0}, last = {0, 0, 0};
+  const int64_t held_to_ns = (int64_t)(1e9 * (end_s - 0.4));
+  const int64_t held_from_ns = held_to_ns - 9000000000;
+  const int second = (int)(1.0 / settings.engine.step_s + 0.5);
+  const int last_from = 8 * second;
+  gv_vec3 first = {0, 0, 0};
+  gv_vec3 last = {0, 0, 0};
   int held = 0;
   *m = (measures){.lift_m = 1e9};
   for (int64_t now_ns = 0; now_ns < held_to_ns; now_ns += period_ns) {
     step(now_ns);
-    if (now_ns < held_from_ns) continue;
+    if (now_ns < held_from_ns)
+      continue;
     const gv_pose T_palm_object = object_in_palm(engine, object);
-    if (held++ == 0) held_at = T_palm_object;
-    if (held <= second) first = gv_mad(first, 1.0 / second, T_palm_object.p);
-    if (held > last_from) last = gv_mad(last, 1.0 / second, T_palm_object.p);
+    if (held++ == 0)
+      held_at = T_palm_object;
+    if (held <= second)
+      first = gv_mad(first, 1.0 / second, T_palm_object.p);
+    if (held > last_from)
+      last = gv_mad(last, 1.0 / second, T_palm_object.p);
     m->way_m = fmax(m->way_m, gv_norm(gv_sub(T_palm_object.p, held_at.p)));
     m->lift_m = fmin(m->lift_m, gv_engine_object_pose(engine, object).p.z - start_z);
     for (int i = 0; i < GV_FINGERS; i++) {
@@ -115,7 +136,8 @@ static bool run(const grasp *g, const gv_sim_device *device, uint64_t seed, meas
   m->slip_m = gv_norm(gv_sub(last, first));
   for (int i = 0; i < GV_FINGERS; i++) {
     m->felt_mean_n[i] = sum[i] / held;
-    m->felt_std_n = fmax(m->felt_std_n, sqrt(fmax(0.0, sum2[i] / held - m->felt_mean_n[i] * m->felt_mean_n[i])));
+    m->felt_std_n = fmax(m->felt_std_n,
+                         sqrt(fmax(0.0, sum2[i] / held - m->felt_mean_n[i] * m->felt_mean_n[i])));
   }
   gv_engine_close(engine);
   return true;
@@ -123,7 +145,7 @@ static bool run(const grasp *g, const gv_sim_device *device, uint64_t seed, meas
 
 typedef struct tally {
   int held;
-  double way_m, slip_m, felt_std_n; // largest of the seeds that held
+  double way_m, slip_m, felt_std_n;  // largest of the seeds that held
 } tally;
 
 static bool is_held(const measures *m) { return m->lift_m > 0.05; }
@@ -132,11 +154,14 @@ static tally run_seeds(const grasp *g, const gv_sim_device *device, bool each) {
   tally t = {0};
   for (uint64_t seed = 1; seed <= SEEDS; seed++) {
     measures m;
-    if (!run(g, device, seed, &m)) return t;
+    if (!run(g, device, seed, &m))
+      return t;
     if (each)
-      printf("seed %2d %-7s way %8.4f slip %8.4f mm, force std %.4f N, means %.2f %.2f %.2f %.2f %.2f\n", (int)seed, is_held(&m) ? "held" : "DROPPED",
-             m.way_m * 1e3, m.slip_m * 1e3, m.felt_std_n, m.felt_mean_n[0], m.felt_mean_n[1], m.felt_mean_n[2], m.felt_mean_n[3], m.felt_mean_n[4]);
-    if (!is_held(&m)) continue;
+      printf("seed %2d %-7s way %8.4f slip %8.4f mm, force std %.4f N, means %.2f %.2f %.2f %.2f %.2f\n",
+             (int)seed, is_held(&m) ? "held" : "DROPPED", m.way_m * 1e3, m.slip_m * 1e3, m.felt_std_n,
+             m.felt_mean_n[0], m.felt_mean_n[1], m.felt_mean_n[2], m.felt_mean_n[3], m.felt_mean_n[4]);
+    if (!is_held(&m))
+      continue;
     t.held++;
     t.way_m = fmax(t.way_m, m.way_m);
     t.slip_m = fmax(t.slip_m, m.slip_m);
@@ -150,7 +175,8 @@ static const grasp *current;
 static void test_real_device_holds_and_is_quiet(void) {
   const gv_sim_device device = gv_sim_device_real();
   const tally t = run_seeds(current, &device, false);
-  printf("figure %-13s device=real: held on %d of %d seeds, slip at most %.3f mm (way %.3f) in 9 s, force std at most %.4f N\n",
+  printf("figure %-13s device=real: held on %d of %d seeds, slip at most %.3f mm (way %.3f) in 9 s, force "
+         "std at most %.4f N\n",
          current->script, t.held, SEEDS, t.slip_m * 1e3, t.way_m * 1e3, t.felt_std_n);
   CHECK(t.held == SEEDS, "%s: dropped on %d seeds", current->script, SEEDS - t.held);
   const bool swings = strcmp(current->script, "finger_frame") == 0;
@@ -162,7 +188,8 @@ static tally run_moving(double sway_rad) {
   gv_sim_device device = gv_sim_device_real();
   make_user_move(&device, sway_rad);
   const tally t = run_seeds(current, &device, false);
-  printf("figure %-13s the same, user sways %2.0f mrad at 2 Hz and trembles: held on %d of %d seeds, slip at most %.2f mm, force std at most %.3f N\n",
+  printf("figure %-13s the same, user sways %2.0f mrad at 2 Hz and trembles: held on %d of %d seeds, slip at "
+         "most %.2f mm, force std at most %.3f N\n",
          current->script, sway_rad * 1e3, t.held, SEEDS, t.slip_m * 1e3, t.felt_std_n);
   return t;
 }
@@ -172,11 +199,13 @@ static void test_real_device_and_a_user_who_moves(void) {
   CHECK(t.held == SEEDS, "%s: dropped on %d seeds", current->script, SEEDS - t.held);
 }
 
-// Twice as far, each finger with a phase of its own: what two or three fingertips hold may be lost on 3 of 16 seeds (the
-// perfect device holds all). With the friction pyramid, which holds up to 1.41 times more than Coulomb's law, a pinch lost none.
+// Twice as far, each finger with a phase of its own: what two or three fingertips hold may be lost on 3 of
+// 16 seeds (the perfect device holds all). With the friction pyramid, which holds up to 1.41 times more
+// than Coulomb's law, a pinch lost none.
 static void test_real_device_and_a_user_who_moves_much(void) {
   const tally t = run_moving(0.03);
-  const bool fingertips = strcmp(current->script, "tripod_box") == 0 || strcmp(current->script, "pinch_box") == 0;
+  const bool fingertips = strcmp(current->script, "tripod_box") == 0 ||
+                          strcmp(current->script, "pinch_box") == 0;
   CHECK(t.held >= SEEDS - (fingertips ? 3 : 0), "%s: dropped on %d seeds", current->script, SEEDS - t.held);
 }
 
@@ -187,20 +216,28 @@ static int try_one(int argc, char **argv) {
   for (int i = 3; i < argc; i++) {
     char name[64];
     const char *equals = strchr(argv[i], '=');
-    if (strcmp(argv[i], "best") == 0) device = gv_sim_device_best();
-    if (strcmp(argv[i], "moving") == 0) make_user_move(&device, 0.03);
-    if (!equals) continue;
+    if (strcmp(argv[i], "best") == 0)
+      device = gv_sim_device_best();
+    if (strcmp(argv[i], "moving") == 0)
+      make_user_move(&device, 0.03);
+    if (!equals)
+      continue;
     snprintf(name, sizeof name, "%.*s", (int)(equals - argv[i]), argv[i]);
-    if (gv_sim_device_set(&device, name, equals + 1, err, sizeof err)) { fprintf(stderr, "%s\n", err); return 2; }
+    if (gv_sim_device_set(&device, name, equals + 1, err, sizeof err)) {
+      fprintf(stderr, "%s\n", err);
+      return 2;
+    }
   }
   for (int i = 0; i < GRASPS; i++)
-    if (strcmp(grasps[i].script, argv[1]) == 0) run_seeds(&grasps[i], &device, true);
+    if (strcmp(grasps[i].script, argv[1]) == 0)
+      run_seeds(&grasps[i], &device, true);
   return 0;
 }
 
 int main(int argc, char **argv) {
   gv_settings_default(&settings);
-  if (argc > 2) return try_one(argc, argv);
+  if (argc > 2)
+    return try_one(argc, argv);
   for (int i = 0; i < GRASPS; i++) {
     current = &grasps[i];
     RUN(test_real_device_holds_and_is_quiet);

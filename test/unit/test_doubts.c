@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// What `gloved --check` doubts about a scene: weights that sink in, objects that start inside each other, masses and sizes out of
-// proportion to a hand, with the unit that was likely meant; and nothing about the scenes that come with the project.
+// What `gloved --check` doubts about a scene: weights that sink in, objects that start inside each other,
+// masses and sizes out of proportion to a hand, with the unit that was likely meant; and nothing about
+// the scenes that come with the project.
 #include <glob.h>
 #include <string.h>
 
@@ -25,10 +26,15 @@ static void look(const char *objects) {
   gv_arena arena;
   gv_scene scene;
   gv_arena_init(&arena, memory, sizeof memory);
-  snprintf(text, sizeof text, "version = 1;\nobjects = (\n { name = \"table\"; static = true; box = [1.2, 0.8, 0.04]; position = [0.0, 0.0, -0.02]; },\n%s);\n", objects);
+  snprintf(text, sizeof text,
+           "version = 1;\nobjects = (\n { name = \"table\"; static = true; box = [1.2, 0.8, 0.04]; position "
+           "= [0.0, 0.0, -0.02]; },\n%s);\n",
+           objects);
   count = -1;
-  if (gv_scene_load_text("scene", text, &arena, &scene, err, sizeof err)) CHECK(0, "%s", err);
-  else look_at(&scene);
+  if (gv_scene_load_text("scene", text, &arena, &scene, err, sizeof err))
+    CHECK(0, "%s", err);
+  else
+    look_at(&scene);
 }
 
 static void expect(int wanted, const char *says, const char *advises) {
@@ -36,12 +42,14 @@ static void expect(int wanted, const char *says, const char *advises) {
   CHECK(strstr(found[0].text, says) && strstr(found[0].text, advises), "%s", found[0].text);
 }
 
-#define BOX(name, kg, edges, at) "{ name = \"" name "\"; mass = " kg "; box = [" edges "]; position = [" at "]; }"
+#define BOX(name, kg, edges, at)                                                                             \
+  "{ name = \"" name "\"; mass = " kg "; box = [" edges "]; position = [" at "]; }"
 
 static void test_nothing_about_a_sound_scene(void) {
   look(BOX("box", "0.2", "0.06, 0.06, 0.08", "0.0, 0.0, 0.04"));
   CHECK(count == 0, "%s", found[0].text);
-  look(BOX("low", "0.2", "0.06, 0.06, 0.08", "0.0, 0.0, 0.04") "," BOX("high", "0.2", "0.06, 0.06, 0.08", "0.0, 0.0, 0.12"));
+  look(BOX("low", "0.2", "0.06, 0.06, 0.08", "0.0, 0.0, 0.04") "," BOX("high", "0.2", "0.06, 0.06, 0.08",
+                                                                       "0.0, 0.0, 0.12"));
   CHECK(count == 0, "a stack: %s", found[0].text);
 }
 
@@ -58,7 +66,8 @@ static void test_a_weight_that_sinks_in(void) {
 static void test_objects_inside_each_other(void) {
   look(BOX("deep", "0.2", "0.06, 0.06, 0.08", "0.0, 0.0, 0.03"));
   expect(1, "'deep' starts 10 mm inside 'table'", "move it by 10 mm along (0, 0, 1)");
-  look(BOX("a", "0.2", "0.06, 0.06, 0.08", "0.0, 0.0, 0.04") "," BOX("b", "0.2", "0.06, 0.06, 0.08", "0.055, 0.0, 0.04"));
+  look(BOX("a", "0.2", "0.06, 0.06, 0.08", "0.0, 0.0, 0.04") "," BOX("b", "0.2", "0.06, 0.06, 0.08",
+                                                                     "0.055, 0.0, 0.04"));
   expect(1, "'b' starts 5 mm inside 'a'", "along (1, 0, 0)");
   look(BOX("touching", "0.2", "0.06, 0.06, 0.08", "0.0, 0.0, 0.03999"));
   CHECK(count == 0, "10 um are rounding: %s", found[0].text);
@@ -84,8 +93,12 @@ static void test_the_count_goes_on(void) {
   gv_doubt one[1];
   const gv_config cfg = gv_config_default();
   gv_arena_init(&arena, memory, sizeof memory);
-  CHECK(gv_scene_load_text("scene", "version = 1; objects = (" BOX("a", "200.0", "0.06, 0.06, 0.08", "0.0, 0.0, 0.04") ","
-                           BOX("b", "200.0", "0.06, 0.06, 0.08", "0.0, 0.0, 0.04") ");", &arena, &scene, err, sizeof err) == 0, "%s", err);
+  CHECK(gv_scene_load_text(
+            "scene",
+            "version = 1; objects = (" BOX("a", "200.0", "0.06, 0.06, 0.08", "0.0, 0.0, 0.04") "," BOX(
+                "b", "200.0", "0.06, 0.06, 0.08", "0.0, 0.0, 0.04") ");",
+            &arena, &scene, err, sizeof err) == 0,
+        "%s", err);
   CHECK(gv_scene_doubts(&scene, &cfg, one, 1) == 5, "two masses, two weights, one overlap");
 }
 
@@ -98,8 +111,10 @@ static void test_nothing_about_the_projects_scenes(void) {
     gv_arena arena;
     gv_scene scene;
     gv_arena_init(&arena, memory, sizeof memory);
-    if (gv_scene_load(files.gl_pathv[i], &arena, &scene, err, sizeof err)) CHECK(0, "%s", err);
-    else look_at(&scene);
+    if (gv_scene_load(files.gl_pathv[i], &arena, &scene, err, sizeof err))
+      CHECK(0, "%s", err);
+    else
+      look_at(&scene);
     CHECK(count == 0, "%s: %s", files.gl_pathv[i], found[0].text);
   }
   globfree(&files);

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// Joints: newton's rows against ODE's own joints on random problems, and what moves in a joint against closed formulas:
-// pendulums, an incline, springs, limits, a weight that breaks what holds it. And every mistake of a scene file.
+// Joints: newton's rows against ODE's own joints on random problems, and what moves in a joint
+// against closed formulas: pendulums, an incline, springs, limits, a weight that breaks what holds
+// it. And every mistake of a scene file.
 #include <string.h>
 
 #include "daemon/load/scene_load.h"
@@ -100,7 +101,8 @@ static void ask(gv_choice *choice, gv_solver solver, gv_problem *problem, gv_vel
         gv_solver_name(solver));
 }
 
-// turn_rad: error of orientation. ODE reads that of a slider halfway between its bodies, and so moves it a little aside.
+// turn_rad: error of orientation. ODE reads that of a slider halfway between its bodies,
+// and so moves it a little aside.
 static void compare_chains(double turn_rad, double within) {
   static world w;
   gv_choice choice;
@@ -159,11 +161,15 @@ static gv_quat z_axis(void) { return gv_quat_axis_angle(gv_v3(0, 1, 0), -GV_PI /
 
 static double now(int k) { return gv_engine_joint(l.engine, k).position; }
 
-// A bar on a hinge at its end: period 2 pi sqrt(I / (m g d)), with I = m (l^2 + t^2) / 12 + m d^2, swinging by 2 degrees.
+// A bar on a hinge at its end: period 2 pi sqrt(I / (m g d)), with I = m (l^2 + t^2) / 12
+// + m d^2, swinging by 2 degrees.
 static void test_a_bar_on_a_hinge_swings_with_its_period(void) {
   for (int s = 0; s < EVERY_SOLVER; s++) {
     start(every_solver[s]);
-    const double length = 0.3, thick = 0.02, d = length / 2, tilt = 2 * GV_PI / 180;
+    const double length = 0.3;
+    const double thick = 0.02;
+    const double d = length / 2;
+    const double tilt = 2 * GV_PI / 180;
     const int bar = lab_box(&l, gv_v3(thick, thick, length), gv_v3(0, 0, 0.5 - d), 0.2, 0.5);
     hold(GV_JOINT_HINGE, bar, GV_WORLD, y_axis(), gv_v3(0, 0, 0.5));
     lab_run(&l);
@@ -173,7 +179,9 @@ static void test_a_bar_on_a_hinge_swings_with_its_period(void) {
     const double inertia = (length * length + thick * thick) / 12 + d * d;
     const double period = 2 * GV_PI * sqrt(inertia / (9.81 * d));
     int crossings = 0;
-    double last = now(0), first_s = 0, last_s = 0;
+    double last = now(0);
+    double first_s = 0;
+    double last_s = 0;
     CHECK_NEAR(last, tilt, 1e-6);
     for (int i = 1; i < 9000; i++) {
       lab_steps(&l, 1, NULL);
@@ -219,12 +227,15 @@ static void test_a_chain_of_ball_joints_holds_together(void) {
   }
 }
 
-// A slider at 30 degrees with friction F: acceleration g sin 30 - F / m, and none where F is more than m g sin 30.
+// A slider at 30 degrees with friction F: acceleration g sin 30 - F / m, and none
+// where F is more than m g sin 30.
 static void test_a_slider_slides_against_its_friction(void) {
   for (int s = 0; s < EVERY_SOLVER; s++) {
     for (int holds = 0; holds < 2; holds++) {
       start(every_solver[s]);
-      const double mass = 0.4, along = 9.81 * 0.5, friction = mass * along * (holds ? 1.01 : 0.4);
+      const double mass = 0.4;
+      const double along = 9.81 * 0.5;
+      const double friction = mass * along * (holds ? 1.01 : 0.4);
       const int block = lab_box(&l, gv_v3(0.05, 0.04, 0.03), gv_v3(0, 0, 1), mass, 0.5);
       hold(GV_JOINT_SLIDER, block, GV_WORLD, gv_quat_axis_angle(gv_v3(0, 1, 0), GV_PI / 6), gv_v3(0, 0, 1))
           ->friction = friction;
@@ -241,7 +252,8 @@ static void test_a_slider_slides_against_its_friction(void) {
 static void test_a_spring_carries_a_weight(void) {
   for (int s = 0; s < EVERY_SOLVER; s++) {
     start(every_solver[s]);
-    const double mass = 0.3, k = 200;
+    const double mass = 0.3;
+    const double k = 200;
     const int block = lab_box(&l, gv_v3(0.05, 0.05, 0.05), gv_v3(0, 0, 1), mass, 0.5);
     gv_joint *j = hold(GV_JOINT_SLIDER, block, GV_WORLD, z_axis(), gv_v3(0, 0, 1));
     j->spring_stiffness = k;
@@ -256,7 +268,8 @@ static void test_a_spring_carries_a_weight(void) {
 
 static void test_a_spring_swings_with_its_frequency(void) {
   start(GV_SOLVER_NEWTON);
-  const double mass = 0.3, k = 50;
+  const double mass = 0.3;
+  const double k = 50;
   l.cfg.step_s = 1e-4;
   l.scene.gravity_m_s2 = gv_v3(0, 0, 0);
   const int block = lab_box(&l, gv_v3(0.05, 0.05, 0.05), gv_v3(0, 0, 1), mass, 0.5);
@@ -288,7 +301,8 @@ static void test_limits_are_not_passed(void) {
     lab_run(&l);
     gv_engine_set_object(l.engine, drawer, gv_engine_object_pose(l.engine, drawer), gv_v3(0.5, 0, 0),
                          gv_v3(0, 0, 0));
-    double most_angle = 0, most_way = 0;
+    double most_angle = 0;
+    double most_way = 0;
     for (int i = 0; i < 2000; i++) {
       lab_steps(&l, 1, NULL);
       most_angle = fmax(most_angle, now(0));
@@ -330,7 +344,8 @@ static void test_what_is_fixed_moves_as_one(void) {
   }
 }
 
-// 0.5 kg on a joint that carries 5 N: 4.905 N hold, a push of 0.2 N more breaks it. After a reset it holds again.
+// 0.5 kg on a joint that carries 5 N: 4.905 N hold, a push of 0.2 N more breaks it.
+// After a reset it holds again.
 static void test_a_joint_breaks_at_its_force(void) {
   for (int s = 0; s < EVERY_SOLVER; s++) {
     start(every_solver[s]);
@@ -380,7 +395,8 @@ static void test_what_is_put_back_is_put_back_together(void) {
   const gv_pose far_away = {gv_quat_identity(), gv_v3(200, 0, 0)};
   gv_engine_set_object(l.engine, b, far_away, gv_v3(0, 0, 0), gv_v3(0, 0, 0));
   lab_steps(&l, 2, NULL);
-  const gv_vec3 p = gv_engine_object_pose(l.engine, a).p, q = gv_engine_object_pose(l.engine, b).p;
+  const gv_vec3 p = gv_engine_object_pose(l.engine, a).p;
+  const gv_vec3 q = gv_engine_object_pose(l.engine, b).p;
   CHECK(gv_norm(gv_sub(p, gv_v3(0, 0, 1))) < 1e-3 && gv_norm(gv_sub(q, gv_v3(0.1, 0, 1))) < 1e-3,
         "at %g and %g m", p.x, q.x);
   gv_engine_close(l.engine);

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// Sixty boxes at once: the default solver does every step of twenty stacks within its share of a 1 kHz period, and they come to
-// rest to the last bits; what is eliminated again between two solves of a step is what has changed.
+// Sixty boxes at once: the default solver does every step of twenty stacks within its share of a
+// 1 kHz period, and they come to rest to the last bits; what is eliminated again between two
+// solves of a step is what has changed.
 #include "dynamics/blocks.h"
 #include "support/check.h"
 #include "support/lab.h"
@@ -35,10 +36,12 @@ static void test_sixty_boxes_come_to_rest(void) {
   lab_run(&l);
   lab_steps(&l, STEPS, NULL);
   const gv_counters *c = gv_engine_counters(l.engine);
-  printf("# %llu steps by newton, %llu by others, %u contacts at most, fastest box %.1e m/s\n", (unsigned long long)c->newton_steps,
-         (unsigned long long)(c->dantzig_steps + c->quickstep_steps), c->contacts_max, fastest(&l));
+  printf("# %llu steps by newton, %llu by others, %u contacts at most, fastest box %.1e m/s\n",
+         (unsigned long long)c->newton_steps, (unsigned long long)(c->dantzig_steps + c->quickstep_steps),
+         c->contacts_max, fastest(&l));
   CHECK(c->contacts_max >= 4 * BOXES && c->contacts_dropped == 0, "%u contacts", c->contacts_max);
-  CHECK(c->newton_steps > STEPS - 50 && c->newton_softened == 0, "newton did %llu steps", (unsigned long long)c->newton_steps);
+  CHECK(c->newton_steps > STEPS - 50 && c->newton_softened == 0, "newton did %llu steps",
+        (unsigned long long)c->newton_steps);
   CHECK(c->dantzig_steps + c->quickstep_steps + c->unsolved_steps == 0, "others did some");
   CHECK(fastest(&l) < 1e-9, "a box moves at %g m/s", fastest(&l));
   gv_engine_close(l.engine);
@@ -55,23 +58,27 @@ static bool linked[NODES][NODES];
 // Row of node i, with itself and those it is linked with.
 static void draw_row(int i) {
   for (int k = 0; k < NODES; k++)
-    for (int e = 0; e < 36 && (linked[i][k] || i == k); e++) whole[i][k][e / 6][e % 6] = i == k && e % 7 == 0 ? draw(40, 80) : draw(-1, 1);
+    for (int e = 0; e < 36 && (linked[i][k] || i == k); e++)
+      whole[i][k][e / 6][e % 6] = i == k && e % 7 == 0 ? draw(40, 80) : draw(-1, 1);
 }
 
 static void assemble(gv_blocks *b) {
   for (int i = 0; i < NODES; i++)
     for (int k = 0; k < NODES; k++) {
-      if ((i != k && !linked[i][k]) || !b->changed[gv_blocks_first(b, i, k)]) continue;
+      if ((i != k && !linked[i][k]) || !b->changed[gv_blocks_first(b, i, k)])
+        continue;
       const bool upper = gv_blocks_first(b, i, k) == i;
       gv_block *to = upper ? gv_blocks_at(b, i, k) : gv_blocks_mirror(b, i, k);
-      for (int e = 0; e < 36; e++) to->m[upper ? e / 6 : e % 6][upper ? e % 6 : e / 6] = whole[i][k][e / 6][e % 6];
+      for (int e = 0; e < 36; e++)
+        to->m[upper ? e / 6 : e % 6][upper ? e % 6 : e / 6] = whole[i][k][e / 6][e % 6];
     }
 }
 
 static void check_rows(const gv_six x[], const gv_six y[], int trial) {
   for (int r = 0; r < 6 * NODES; r++) {
     double sum = -y[r / 6].m[r % 6];
-    for (int c = 0; c < 6 * NODES; c++) sum += whole[r / 6][c / 6][r % 6][c % 6] * x[c / 6].m[c % 6];
+    for (int c = 0; c < 6 * NODES; c++)
+      sum += whole[r / 6][c / 6][r % 6][c % 6] * x[c / 6].m[c % 6];
     CHECK(fabs(sum) < 1e-11, "trial %d: row %d is off by %g", trial, r, sum);
   }
 }
@@ -81,28 +88,34 @@ static void test_a_solution_anew_costs_what_has_changed(void) {
   static gv_blocks b;
   gv_six x[NODES], y[NODES];
   gv_blocks_begin(&b, NODES);
-  for (int i = 1; i < NODES; i++) {   // two trees that do not touch
+  for (int i = 1; i < NODES; i++) {  // two trees that do not touch
     const int k = i < NODES / 2 ? (i - 1) / 2 : i == NODES / 2 ? -1 : NODES / 2 + (i - NODES / 2 - 1) / 2;
-    if (k < 0) continue;
+    if (k < 0)
+      continue;
     gv_blocks_link(&b, i, k);
     linked[i][k] = linked[k][i] = true;
   }
   CHECK(gv_blocks_order(&b), "no room");
-  for (int i = 0; i < NODES; i++) draw_row(i);
+  for (int i = 0; i < NODES; i++)
+    draw_row(i);
   int done = 0;
   enum { TRIALS = 100 };
   for (int trial = 0; trial < TRIALS; trial++) {
     const int node = (int)draw(0, NODES);
-    if (trial > 0) draw_row(node);
+    if (trial > 0)
+      draw_row(node);
     for (int k = 0; k < NODES && trial > 0; k++)
-      if (linked[node][k] || k == node) gv_blocks_change(&b, k);
+      if (linked[node][k] || k == node)
+        gv_blocks_change(&b, k);
     gv_blocks_clear(&b, false);
     assemble(&b);
     for (int r = 0; r < 6 * NODES; r++)
-      if (b.changed[r / 6]) x[r / 6].m[r % 6] = y[r / 6].m[r % 6] = draw(-1, 1);
+      if (b.changed[r / 6])
+        x[r / 6].m[r % 6] = y[r / 6].m[r % 6] = draw(-1, 1);
     CHECK(gv_blocks_solve(&b, false, x), "trial %d", trial);
     check_rows(x, y, trial);
-    if (trial > 0) done += b.work_done;
+    if (trial > 0)
+      done += b.work_done;
   }
   CHECK(done < (TRIALS - 1) * b.work * 2 / 3, "%d block operations of %d", done, (TRIALS - 1) * b.work);
 }

@@ -20,7 +20,7 @@ typedef struct gv_mesh {
 
 // What is wrong and what to do, with the place in the file it belongs to.
 typedef struct gv_mesh_fault {
-  int triangle, piece; // index within the object, -1: none
+  int triangle, piece;  // index within the object, -1: none
   char text[240];
 } gv_mesh_fault;
 
@@ -30,11 +30,11 @@ bool gv_mesh_check(const gv_mesh *mesh, gv_mesh_fault *out);
 // Volume enclosed by a closed mesh, cubic metres; negative where it is inside out.
 double gv_mesh_volume(const gv_mesh *mesh);
 
-// The pieces fill the mesh: each corner and middle of a triangle lies in or on a piece, each corner of a piece
-// in or on the mesh, both within fit_m, and the volumes agree within 1 % and fit_m times the surface.
-// Cost: triangles x (pieces' faces + pieces' vertices), counted down in *work, which begins at GV_CHECK_WORK for a scene: at its end
-// the scene is refused.
-bool gv_pieces_check(const gv_mesh *mesh, const gv_hull *piece, int piece_count, double pieces_volume, double fit_m,
-                     int64_t *work, gv_mesh_fault *out);
+// The pieces fill the mesh: each corner and middle of a triangle lies in or on a piece, each corner of a
+// piece in or on the mesh, both within fit_m, and the volumes agree within 1 % and fit_m times the surface.
+// Cost: triangles x (pieces' faces + pieces' vertices), counted down in *work, which begins at GV_CHECK_WORK
+// for a scene: at its end the scene is refused.
+bool gv_pieces_check(const gv_mesh *mesh, const gv_hull *piece, int piece_count, double pieces_volume,
+                     double fit_m, int64_t *work, gv_mesh_fault *out);
 
 #endif

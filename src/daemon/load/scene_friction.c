@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// Friction in a scene file: `mu` and `friction` of an object, or the name of a material, and a table of how
-// two materials rub against each other. Explained in data/scenes/frame.scene. Main thread, before the loop starts.
+// Friction in a scene file: `mu` and `friction` of an object, or the name of a material, and a
+// table of how two materials rub against each other. Explained in data/scenes/frame.scene. Main
+// thread, before the loop starts.
 #include "daemon/load/scene_friction.h"
 
 #include <string.h>
@@ -14,14 +15,16 @@ static void read_law(gv_conf_group *group, gv_friction *out_friction, double *ou
   int model = GV_FRICTION_PYRAMID;
   gv_conf_choice(group, "friction", models, &model);
   *out_friction = model ? GV_FRICTION_FIXED_LIMIT : GV_FRICTION_PYRAMID;
-  if (model) gv_conf_need(group, "mu", "mu = <newtons>: the most that a contact holds");
+  if (model)
+    gv_conf_need(group, "mu", "mu = <newtons>: the most that a contact holds");
   *out_mu = DEFAULT_MU;
   gv_conf_number(group, "mu", 0, model ? MAX_LIMIT_N : MAX_COEFFICIENT, out_mu);
 }
 
 static int find_material(const gv_materials *m, const char *name) {
   for (int i = GV_MATERIAL_HAND; i < m->count; i++)
-    if (strcmp(m->material[i].name, name) == 0) return i;
+    if (strcmp(m->material[i].name, name) == 0)
+      return i;
   return GV_MATERIAL_NONE;
 }
 
@@ -30,10 +33,12 @@ static int read_reference(const gv_materials *m, gv_conf_group *group, const cha
   char name[GV_MAX_NAME] = "";
   gv_conf_node node = gv_conf_find(group, key);
   gv_conf_text(group, key, name, sizeof name);
-  if (!gv_conf_has(node)) return GV_MATERIAL_NONE;
+  if (!gv_conf_has(node))
+    return GV_MATERIAL_NONE;
   int found = find_material(m, name);
   if (found == GV_MATERIAL_NONE)
-    gv_conf_fail(node, "no material is named \"%s\"; list it in 'materials' (\"hand\" is the hand's skin)", name);
+    gv_conf_fail(node, "no material is named \"%s\"; list it in 'materials' (\"hand\" is the hand's skin)",
+                 name);
   return found;
 }
 
@@ -44,10 +49,14 @@ static void read_material(gv_materials *m, gv_conf_node node) {
   gv_conf_text(&group, "name", fresh.name, sizeof fresh.name);
   read_law(&group, &fresh.friction, &fresh.mu);
   gv_conf_leave(&group);
-  if (node.conf->failed) return;
-  if (!fresh.name[0]) gv_conf_fail(name, "the name is empty; name the material");
-  else if (find_material(m, fresh.name)) gv_conf_fail(name, "two materials are named \"%s\"; rename one", fresh.name);
-  else m->material[m->count++] = fresh;
+  if (node.conf->failed)
+    return;
+  if (!fresh.name[0])
+    gv_conf_fail(name, "the name is empty; name the material");
+  else if (find_material(m, fresh.name))
+    gv_conf_fail(name, "two materials are named \"%s\"; rename one", fresh.name);
+  else
+    m->material[m->count++] = fresh;
 }
 
 static void read_pair(const gv_materials *m, gv_conf_node node, gv_friction_pair *out) {
@@ -62,25 +71,36 @@ static void read_pair(const gv_materials *m, gv_conf_node node, gv_friction_pair
 }
 
 // Entries of the list at `key`; 0 where it is absent.
-static int list_length(gv_conf_group *root, const char *key, int max, const char *max_name, gv_conf_node *out) {
+static int list_length(gv_conf_group *root, const char *key, int max, const char *max_name,
+                       gv_conf_node *out) {
   *out = gv_conf_find(root, key);
-  if (!gv_conf_has(*out)) return 0;
+  if (!gv_conf_has(*out))
+    return 0;
   int length = gv_conf_length(*out);
-  if (length < 0) gv_conf_fail(*out, "'%s' is no list; write %s = ( { ... }, ... );", key, key);
-  if (length > max) gv_conf_fail(*out, "'%s' has %d entries; at most %d (%s)", key, length, max, max_name);
+  if (length < 0)
+    gv_conf_fail(*out, "'%s' is no list; write %s = ( { ... }, ... );", key, key);
+  if (length > max)
+    gv_conf_fail(*out, "'%s' has %d entries; at most %d (%s)", key, length, max, max_name);
   return out->conf->failed ? 0 : length;
 }
 
 void gv_materials_read(gv_materials *out, gv_conf_group *root, gv_arena *arena, gv_scene *out_scene) {
   gv_conf_node list;
   *out = (gv_materials){.material = {{.name = ""}, {.name = "hand"}}, .count = 2};
-  int count = list_length(root, "materials", GV_MAX_MATERIALS - 2, "GV_MAX_MATERIALS, less the hand's", &list);
-  for (int i = 0; i < count && !list.conf->failed; i++) read_material(out, gv_conf_entry(list, i));
+  int count = list_length(root, "materials", GV_MAX_MATERIALS - 2, "GV_MAX_MATERIALS, less the hand's",
+                          &list);
+  for (int i = 0; i < count && !list.conf->failed; i++)
+    read_material(out, gv_conf_entry(list, i));
   count = list_length(root, "pairs", GV_MAX_FRICTION_PAIRS, "GV_MAX_FRICTION_PAIRS", &list);
-  if (count == 0) return;
+  if (count == 0)
+    return;
   gv_friction_pair *pair = gv_arena_alloc(arena, "scene friction", sizeof *pair * (size_t)count);
-  if (!pair) { gv_conf_fail(list, "the scene does not fit into its %zu bytes of memory; simplify it", arena->size); return; }
-  for (int i = 0; i < count && !list.conf->failed; i++) read_pair(out, gv_conf_entry(list, i), &pair[i]);
+  if (!pair) {
+    gv_conf_fail(list, "the scene does not fit into its %zu bytes of memory; simplify it", arena->size);
+    return;
+  }
+  for (int i = 0; i < count && !list.conf->failed; i++)
+    read_pair(out, gv_conf_entry(list, i), &pair[i]);
   out_scene->friction_pair = pair;
   out_scene->friction_pair_count = count;
 }
@@ -88,10 +108,14 @@ void gv_materials_read(gv_materials *out, gv_conf_group *root, gv_arena *arena, 
 void gv_friction_read(const gv_materials *materials, gv_conf_group *group, gv_object *out) {
   out->material = read_reference(materials, group, "material");
   read_law(group, &out->friction, &out->mu);
-  if (out->material == GV_MATERIAL_NONE) return;
-  gv_conf_node mu = gv_conf_find(group, "mu"), friction = gv_conf_find(group, "friction");
-  if (gv_conf_has(mu)) gv_conf_fail(mu, "'mu' beside 'material'; give one of the two");
-  if (gv_conf_has(friction)) gv_conf_fail(friction, "'friction' beside 'material'; give one of the two");
+  if (out->material == GV_MATERIAL_NONE)
+    return;
+  gv_conf_node mu = gv_conf_find(group, "mu");
+  gv_conf_node friction = gv_conf_find(group, "friction");
+  if (gv_conf_has(mu))
+    gv_conf_fail(mu, "'mu' beside 'material'; give one of the two");
+  if (gv_conf_has(friction))
+    gv_conf_fail(friction, "'friction' beside 'material'; give one of the two");
   out->friction = materials->material[out->material].friction;
   out->mu = materials->material[out->material].mu;
 }

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// Joints in a scene file. Anchor and axis are given in the world, as the objects stand at the start. Main thread, or
-// that of a scene by command; before the loop starts.
+// Joints in a scene file. Anchor and axis are given in the world, as the objects stand at the start. Main
+// thread, or that of a scene by command; before the loop starts.
 #include "daemon/load/scene_joint.h"
 
 #include <string.h>

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// Joints in a scene file: what holds two objects together. Explained in data/scenes/joints.scene. Set-up only.
+// Joints in a scene file: what holds two objects together. Explained in
+// data/scenes/joints.scene. Set-up only.
 #ifndef GLOVED_SCENE_JOINT_H
 #define GLOVED_SCENE_JOINT_H
 

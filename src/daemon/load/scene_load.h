@@ -6,6 +6,7 @@
 #include "gloved/load.h"  // gv_scene_load
 
 // The same from the text of such a file; `name` stands in messages.
-int gv_scene_load_text(const char *name, const char *text, gv_arena *arena, gv_scene *out, char *err, size_t err_size);
+int gv_scene_load_text(const char *name, const char *text, gv_arena *arena, gv_scene *out, char *err,
+                       size_t err_size);
 
 #endif

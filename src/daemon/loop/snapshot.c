@@ -59,7 +59,8 @@ void gv_snapshot_fill(const gv_session *session, int object_count, gv_snapshot *
   fill_scene(session->engine, object_count, out);
 }
 
-void gv_step_record_fill(const gv_session *session, int64_t now_ns, const gv_frame *frame, int count, gv_step_record *out) {
+void gv_step_record_fill(const gv_session *session, int64_t now_ns, const gv_frame *frame, int count,
+                         gv_step_record *out) {
   const gv_contact *contact = gv_engine_contacts(session->engine, &out->contacts);
   out->step = gv_session_steps(session);
   out->now_ns = now_ns;
@@ -67,7 +68,8 @@ void gv_step_record_fill(const gv_session *session, int64_t now_ns, const gv_fra
   out->faults = session->safety.faults;
   out->events = session->result.events;
   out->depth_m = 0.0;
-  for (int i = 0; i < out->contacts; i++) out->depth_m = fmax(out->depth_m, contact[i].depth_m);
+  for (int i = 0; i < out->contacts; i++)
+    out->depth_m = fmax(out->depth_m, contact[i].depth_m);
   memcpy(out->desired_n, session->result.tension_n, sizeof out->desired_n);
   memcpy(out->force_n, session->force_n, sizeof out->force_n);
   out->frame_count = count;
@@ -82,13 +84,15 @@ static const char *engine_event_text(uint32_t bit) {
   switch ((gv_event)bit) {
     case GV_EVENT_HAND_PLACED: return "hand placed at the first sample";
     case GV_EVENT_SAMPLE_REFUSED: return "sample refused: not a finite number";
-    case GV_EVENT_SAMPLE_JUMP: return "sample held back: a jump faster than a hand moves (gate_rad_s, gate_m_s)";
+    case GV_EVENT_SAMPLE_JUMP:
+      return "sample held back: a jump faster than a hand moves (gate_rad_s, gate_m_s)";
     case GV_EVENT_SAMPLE_NO_POSE: return "sample refused: no unit quaternion, or farther than 100 m";
     case GV_EVENT_CONTACTS_DROPPED: return "more contacts than GV_MAX_CONTACTS: the shallowest dropped";
     case GV_EVENT_PAIRS_DROPPED: return "more pairs than GV_MAX_PAIRS: the last dropped";
     case GV_EVENT_BODY_RESET: return "a body's state was not finite or ran away: put back";
     case GV_EVENT_OVERLAP: return "penetration beyond a limb's radius";
-    case GV_EVENT_PAIRS_LEFT_OVER: return "too many pairs for the period: the least urgent left for the next step";
+    case GV_EVENT_PAIRS_LEFT_OVER:
+      return "too many pairs for the period: the least urgent left for the next step";
     case GV_EVENT_JOINT_BROKEN: return "a joint broke: it carried more than its break_force";
     case GV_EVENT_QUICKSTEP: return "a hard contact problem: quickstep did the step";
   }
@@ -107,23 +111,31 @@ static const char *refusal_text(int kind) {
 static void request_text(uint32_t bits, char out[GV_RECORD_TEXT]) {
   const int kind = (int)(bits & 0xff);
   const bool refused = (bits & GV_RECORD_REFUSED) != 0;
-  snprintf(out, GV_RECORD_TEXT, "command %s: %s%s", gv_request_name(kind), refused ? "refused: " : "done", refused ? refusal_text(kind) : "");
+  snprintf(out, GV_RECORD_TEXT, "command %s: %s%s", gv_request_name(kind), refused ? "refused: " : "done",
+           refused ? refusal_text(kind) : "");
 }
 
 void gv_record_text(const gv_record *record, char out[GV_RECORD_TEXT]) {
   switch (record->kind) {
     case GV_RECORD_STATE:
-      snprintf(out, GV_RECORD_TEXT, "safety: %s -> %s%s%s", gv_safety_name(record->from), gv_safety_name(record->to),
-               record->bits ? ": " : "", record->bits ? gv_fault_text(record->bits) : "");
+      snprintf(out, GV_RECORD_TEXT, "safety: %s -> %s%s%s", gv_safety_name(record->from),
+               gv_safety_name(record->to), record->bits ? ": " : "",
+               record->bits ? gv_fault_text(record->bits) : "");
       return;
-    case GV_RECORD_ENGINE: snprintf(out, GV_RECORD_TEXT, "engine: %s", engine_event_text(record->bits)); return;
+    case GV_RECORD_ENGINE:
+      snprintf(out, GV_RECORD_TEXT, "engine: %s", engine_event_text(record->bits));
+      return;
     case GV_RECORD_OVERRUN: snprintf(out, GV_RECORD_TEXT, "loop: %u periods skipped", record->bits); return;
-    case GV_RECORD_OTHER_HAND: snprintf(out, GV_RECORD_TEXT, "glove: made for the other hand; set hand.side in --config"); return;
+    case GV_RECORD_OTHER_HAND:
+      snprintf(out, GV_RECORD_TEXT, "glove: made for the other hand; set hand.side in --config");
+      return;
     case GV_RECORD_LADDER:
       snprintf(out, GV_RECORD_TEXT, "loop: deadline ladder: %s", gv_rung_name((gv_rung)record->bits));
       return;
     case GV_RECORD_SYNC:
-      snprintf(out, GV_RECORD_TEXT, "sync: %s", record->bits ? "the glove's frames are the clock" : "the glove's frames stay away: on by the loop's own clock");
+      snprintf(out, GV_RECORD_TEXT, "sync: %s",
+               record->bits ? "the glove's frames are the clock"
+                            : "the glove's frames stay away: on by the loop's own clock");
       return;
     case GV_RECORD_REQUEST: request_text(record->bits, out); return;
   }

@@ -19,7 +19,7 @@ typedef struct gv_summary {
   const gv_arena *arena;
   const char *title;  // what ran
   const gv_about *about;
-  const gv_held *held;       // grasps of the scene's objects
+  const gv_held *held;  // grasps of the scene's objects
 } gv_summary;
 
 // The keys are listed in DESIGN.md, "Interfaces". An object's position and quaternion are those of its own

@@ -98,7 +98,8 @@ static void put_object(screen *out, gv_view *view, const gv_snapshot *s, int obj
   if (in_hand(s, object))
     snprintf(held, sizeof held, "touched, moved %.3f mm in the hand in 1 s", slip_m * 1e3);
   const double lifted_m = T_world_object.p.z - view->start_height_m[row];
-  put_line(out, "%-16.16s lifted %7.1f mm   %s", name, round(lifted_m * 1e4) / 10.0 + 0.0, held);  // never -0.0
+  // never -0.0
+  put_line(out, "%-16.16s lifted %7.1f mm   %s", name, round(lifted_m * 1e4) / 10.0 + 0.0, held);
 }
 
 static void put_objects(screen *out, gv_view *view, const gv_snapshot *s) {
