@@ -144,6 +144,18 @@ static double depth_of(const gv_scene *scene, const gv_object *a, int piece_a, c
   return -found.distance;
 }
 
+// Parts of a mechanism may well stand inside each other.
+static bool are_joined(const gv_scene *scene, int i, int k) {
+  for (int j = 0; j < scene->joint_count; j++) {
+    const gv_joint *joint = &scene->joint[j];
+    if (joint->object_a == i && joint->object_b == k)
+      return true;
+    if (joint->object_a == k && joint->object_b == i)
+      return true;
+  }
+  return false;
+}
+
 static void doubt_overlap(doubts *d, const gv_object *a, const gv_object *b) {
   gv_vec3 n = gv_v3(0, 0, 0);
   gv_vec3 deepest_n = n;
@@ -179,7 +191,7 @@ int gv_scene_doubts(const gv_scene *scene, const gv_config *cfg, gv_doubt out[],
       const gv_object *a = &scene->object[i];
       const gv_object *b = &scene->object[k];
       const bool once = b->is_static || k < i;  // a moves
-      if (i != k && !a->is_static && once)
+      if (i != k && !a->is_static && once && !are_joined(scene, i, k))
         doubt_overlap(&d, a, b);
     }
   return d.count;

@@ -1,0 +1,178 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// What the hand feels against what it should feel, in closed formulas: the weight of what it lifts, the angle at which
+// friction lets go, the inertia of what it shakes.
+#include "daemon/load/config_load.h"
+#include "daemon/load/scene_load.h"
+#include "daemon/loop/session.h"
+#include "gloved/sim.h"
+#include "support/check.h"
+#include "support/lab.h"
+
+#define G 9.81
+
+// ---- the power grasp, with another mass in it -----------------------------------------------------
+
+static gv_sim sim;
+static gv_sim_script script;
+static gv_session session;
+static gv_engine *engine;
+static gv_scene scene;
+static gv_object object[2];
+static int time_ms;
+
+// The box of data/scenes/box.scene with a mass of its own, grasped and lifted as power_box.user does.
+static void grasp(double mass_kg) {
+  char err[512] = "";
+  gv_arena arena;
+  gv_settings settings;
+  gv_settings_default(&settings);
+  if (mass_kg > 0.5)
+    settings.engine.limb.k_f *= 4;  // a firmer hand
+  gv_arena_init(&arena, lab_scene_memory, sizeof lab_scene_memory);
+  const int loaded = gv_scene_load("data/scenes/box.scene", &arena, &scene, err, sizeof err);
+  CHECK(loaded == 0 && gv_sim_script_load("data/scripts/power_box.user", &script, err, sizeof err) == 0, "%s",
+        err);
+  for (int i = 0; i < 2; i++)
+    object[i] = scene.object[i];
+  for (int k = 0; k < 9; k++)
+    object[1].inertia_kg_m2.m[k / 3][k % 3] *= mass_kg / object[1].mass_kg;
+  object[1].mass_kg = mass_kg;
+  object[1].mu = 1.2;
+  scene.object = object;
+  engine = gv_engine_init(lab_engine_memory, sizeof lab_engine_memory, &settings.engine, &scene);
+  if (!engine)
+    abort();
+  const gv_session_config cfg = {.limiter = settings.limiter,
+                                 .safety = settings.safety,
+                                 .side = settings.engine.hand.side,
+                                 .period_s = settings.engine.step_s};
+  gv_session_init(&session, &cfg, engine);
+  gv_sim_init(&sim, &script, NULL, 1);
+  gv_sim_start(&sim);
+  time_ms = 0;
+}
+
+static void step(void) {
+  static gv_frame frame[256];
+  gv_frame command;
+  const int64_t now = time_ms++ * 1000000LL;
+  const int count = gv_sim_advance(&sim, now, frame, 256);
+  gv_session_step(&session, now, frame, count, 0, &command);
+  gv_sim_receive(&sim, &command);
+}
+
+// The force that the couplings put on all limbs: what the person carries, N.
+static gv_vec3 carried(void) {
+  gv_vec3 sum = gv_v3(0, 0, 0);
+  for (int i = 0; i < GV_LIMBS; i++) {
+    gv_vec3 f, t;
+    gv_engine_coupling(engine, i, &f, &t);
+    sum = gv_add(sum, f);
+  }
+  return sum;
+}
+
+// Momentum of the limbs and the object, N s.
+static gv_vec3 momentum(double mass_kg) {
+  const gv_config *cfg = gv_engine_config(engine);
+  gv_vec3 v, w;
+  gv_engine_object_velocity(engine, 1, &v, &w);
+  gv_vec3 sum = gv_scale(v, mass_kg);
+  for (int i = 0; i < GV_LIMBS; i++) {
+    gv_engine_limb_velocity(engine, i, &v, &w);
+    sum = gv_mad(sum, i == GV_LIMB_PALM ? cfg->palm_mass_kg : cfg->limb_mass_kg, v);
+  }
+  return sum;
+}
+
+static void test_the_hand_carries_the_weight_that_it_lifts(void) {
+  static const double mass_kg[] = {0.1, 0.2, 0.3, 0.5, 0.75, 1.0};
+  for (int i = 0; i < 6; i++) {
+    grasp(mass_kg[i]);
+    while (time_ms < 7000)
+      step();
+    const gv_vec3 f = carried();
+    printf("# %.2f kg: %.4f N of %.4f N, %.4f N sideways\n", mass_kg[i], f.z, mass_kg[i] * G,
+           hypot(f.x, f.y));
+    CHECK(gv_engine_object_pose(engine, 1).p.z > 0.1, "%g kg is not lifted", mass_kg[i]);
+    CHECK(fabs(f.z - mass_kg[i] * G) < 0.02 * mass_kg[i] * G, "%g kg weigh %g N", mass_kg[i], f.z);
+    CHECK(hypot(f.x, f.y) < 0.02 * mass_kg[i] * G, "%g N sideways", hypot(f.x, f.y));
+    gv_engine_close(engine);
+  }
+}
+
+// Shaken up and down by 10 mm: the couplings carry the weight and the inertia of object and limbs, at each step.
+static void test_what_is_shaken_has_its_inertia(void) {
+  static const double hz[] = {1, 2, 3, 4, 5};
+  for (int i = 0; i < 5; i++) {
+    const double mass_kg = 0.2;
+    grasp(mass_kg);
+    while (time_ms < 5500)
+      step();
+    double worst = 0, most = 0;
+    gv_vec3 last = momentum(mass_kg);
+    for (int k = 0; k < 2000; k++) {
+      // The user's hand, whatever the script says.
+      for (int key = 0; key < sim.script.keyframe_count; key++)
+        sim.script.keyframe[key].T_world_wrist.p.z = 0.195 + 0.01 * sin(2 * GV_PI * hz[i] * 1e-3 * k);
+      step();
+      const gv_vec3 now = momentum(mass_kg);
+      const double felt = carried().z;
+      const double moved = (now.z - last.z) / 1e-3 + mass_kg * G;
+      last = now;
+      if (k < 500)
+        continue;
+      worst = fmax(worst, fabs(felt - moved));
+      most = fmax(most, fabs(moved));
+    }
+    printf("# %g Hz: felt and moved differ by %.4f N of at most %.3f N\n", hz[i], worst, most);
+    CHECK(worst < 0.02 * most, "off by %g of %g N", worst, most);
+    gv_engine_close(engine);
+  }
+}
+
+// ---- friction -------------------------------------------------------------------------------------
+
+// A plate lies on the hand's back, which is tilted slowly about its long axis: the plate slides off at atan(mu).
+static void test_what_lies_on_the_hand_slides_at_the_angle_of_friction(void) {
+  static const double mu_hand[] = {0.3, 0.5, 0.8, 1.0};
+  static const double straight[GV_SENSORS];
+  for (int i = 0; i < 4; i++) {
+    lab l;
+    lab_start(&l);
+    l.cfg.mu_hand = mu_hand[i];
+    const int plate = lab_box(&l, gv_v3(0.04, 0.04, 0.01), gv_v3(0, 0, 1), 0.05, mu_hand[i]);
+    lab_run(&l);
+    gv_sample hand = lab_hand(&l, straight, (gv_pose){{1, 0, 0, 0}, {0, 0, 0.5}});
+    lab_steps(&l, 500, &hand);
+    const gv_pose palm = gv_engine_limb_pose(l.engine, GV_LIMB_PALM);
+    gv_engine_set_object(l.engine, plate,
+                         (gv_pose){{1, 0, 0, 0}, gv_add(palm.p, gv_v3(0, 0, 0.012 + 0.0051))}, gv_v3(0, 0, 0),
+                         gv_v3(0, 0, 0));
+    lab_steps(&l, 500, &hand);
+    gv_vec3 at = gv_transform_inv(gv_engine_limb_pose(l.engine, GV_LIMB_PALM),
+                                  gv_engine_object_pose(l.engine, plate).p);
+    double angle = 0, moved = 0;
+    for (int k = 0; k < 200000 && moved < 5e-5; k++) {
+      hand = lab_hand(&l, straight, (gv_pose){gv_quat_axis_angle(gv_v3(1, 0, 0), k * 5e-6), {0, 0, 0.5}});
+      lab_steps(&l, 1, &hand);
+      const gv_pose T = gv_engine_limb_pose(l.engine, GV_LIMB_PALM);
+      const gv_vec3 up = gv_rotate(T.q, gv_v3(0, 0, 1));
+      angle = gv_atan2(hypot(up.x, up.y), up.z);
+      moved = gv_norm(gv_sub(gv_transform_inv(T, gv_engine_object_pose(l.engine, plate).p), at));
+    }
+    const double expected = gv_atan2(mu_hand[i], 1);
+    printf("# mu %.1f: slides at %.2f degrees, atan(mu) is %.2f\n", mu_hand[i], angle * 180 / GV_PI,
+           expected * 180 / GV_PI);
+    CHECK(moved >= 5e-5 && fabs(angle - expected) < 0.02 * expected, "at %g rad, %g expected", angle,
+          expected);
+    gv_engine_close(l.engine);
+  }
+}
+
+int main(void) {
+  RUN(test_the_hand_carries_the_weight_that_it_lifts);
+  RUN(test_what_is_shaken_has_its_inertia);
+  RUN(test_what_lies_on_the_hand_slides_at_the_angle_of_friction);
+  return check_done();
+}
