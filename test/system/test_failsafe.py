@@ -25,7 +25,7 @@ FAULT_S = 0.8
 class Run:
     """One grasp with one fault: `rows` of the device, `frames` of the engine by step."""
 
-    def __init__(self, folder, fault=None, signals=(), end_s=1.5):
+    def __init__(self, folder, fault=None, signals=(), end_s=1.5, rate=1000):
         a, b = free_ports()
         path = lambda name: os.path.join(folder, name)
         with open(path("script"), "w", encoding="utf-8") as file:
@@ -33,7 +33,7 @@ class Run:
         self.said = path("gloved")
         engine = subprocess.Popen(
             [B + "/gloved", "--fcu", f"udp://127.0.0.1:{a}?listen={b}", "--lcm", "none", "--record", path("record"),
-             "--black-box", folder],
+             "--black-box", folder, "--rate", str(rate)],
             stdout=open(self.said, "w", encoding="utf-8"), stderr=subprocess.STDOUT)
         device = subprocess.Popen(
             [B + "/fcusim", "--udp", f"udp://127.0.0.1:{b}?listen={a}", "--script", path("script"), "--forces", path("forces"),
@@ -275,6 +275,15 @@ def test_a13_other_hand(folder):
 
 def test_a14_tracker_error(folder):
     doubt_fault(folder, "tracker-error", "tracker reports an error", "tracker: an error")
+
+
+def test_a15_sensor_fault_at_100_hz(folder):
+    """The step is up to 10 ms away, the commands between two steps are not."""
+    run = Run(folder, "sensor-fault", rate=100)
+    zero_s = run.device_zero_s()
+    judge("sensor fault, at 100 Hz", run, limit="engine: 17 ms")
+    assert zero_s is not None and zero_s <= RAMP_S + 0.003, zero_s
+    assert "glove: a sensor is faulty" in run.text() or "sensor fault" in run.text(), run.text()
 
 
 def attempt(test):

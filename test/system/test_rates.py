@@ -83,6 +83,31 @@ def test_a_simulated_device_in_the_process_hears_them_too():
             assert again["state_hash"] == summary["state_hash"], (rate, summary["state_hash"], again["state_hash"])
 
 
+def commanded_n(record):
+    """(seconds since the first frame, largest tension of the command) of a recording."""
+    frames = [(float(line.split()[0][1:-1]), line.split()[2]) for line in open(record, encoding="utf-8") if line.startswith("(")]
+    for stamp, frame in frames:
+        if frame.startswith("090##"):
+            bits = int.from_bytes(bytes.fromhex(frame[6:])[8:16], "little")
+            yield stamp - frames[0][0], max(0.003 * (bits >> 12 * i & 0xFFF) for i in range(5))
+
+
+def test_an_open_switch_ends_the_force_between_two_steps():
+    """At 100 Hz the step that takes the frame is at 1.010 s, and commands go out every millisecond."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = lambda name: os.path.join(folder, name)
+        with open(path("script"), "w", encoding="utf-8") as file:
+            file.write("posture flat thumb_abduction 40\nposture press like flat index_mpj 60\n"
+                       "at 0.0 posture flat wrist -0.3 0 0.06 0 0 0 dead_man off\nat 0.1 dead_man on\nat 0.4 posture press\n"
+                       "at 1.0035 dead_man off\nend 1.1\n")
+        subprocess.run([B + "/gloved", "--fcu", f"sim:{path('script')}?speed=0", "--lcm", "none", "--black-box", "none", "--rate", "100",
+                        "--record", path("record")], stdout=subprocess.DEVNULL, timeout=60)
+        forces = list(commanded_n(path("record")))
+        before = [n for s, n in forces if 0.99 < s < 1.003]
+        after = [n for s, n in forces if 1.008 < s < 1.0095]
+        assert before and after and min(before) > 0.3 and max(after) == 0, (before, after)
+
+
 def heap_of_boxes(path):
     """A table and 48 boxes that lie into each other, beside the hand."""
     boxes = [f"""  {{ name = "b{i}"; mass = 0.2; mu = 0.8; box = [0.06, 0.06, 0.06];

@@ -553,6 +553,50 @@ static void test_an_open_switch_counts_in_any_sound_frame(void) {
 // ---- the rise on the wire ------------------------------------------------------------------------------
 
 // Steps that are late by turns: 1.9 ms, 0.1 ms, 1.9 ms.
+// One frame in doubt among many of a step, and the newest one sound again: at 100 Hz a step takes ten frames of a glove of 1 kHz.
+static void test_a_doubt_counts_in_any_sound_frame(void) {
+  for (int i = 0; i < 3; i++) {
+    press_until_force();
+    const uint8_t held = GV_GLOVE_DEAD_MAN;
+    step_one(status(GV_STATUS_DEAD_MAN));
+    const gv_frame bad = i == 0   ? glove(1.05, held | GV_GLOVE_SENSOR_FAULT, 0)
+                         : i == 1 ? pose(GV_RECEIVER_HAND, 0.06, GV_POSE_TRACKER_ERROR)
+                                  : status(GV_STATUS_DEAD_MAN | GV_STATUS_FAULT);
+    const gv_frame frame[4] = {bad, glove(1.05, held, 0), pose(GV_RECEIVER_HAND, 0.06, GV_POSE_VALID),
+                               status(GV_STATUS_DEAD_MAN)};
+    step(frame, 4);
+    CHECK(session.safety.state == GV_SAFETY_FAULT, "case %d: %s", i, gv_safety_name(session.safety.state));
+  }
+}
+
+// Milliseconds of repeated commands until there is no force, in a long wait for the next step; 100: it stays.
+static int ms_of_repeats_until_zero(void) {
+  for (int ms = 1; ms < 100; ms++) {
+    now_ns += MS;
+    gv_session_command(&session, now_ns, &command);
+    if (commanded_max() <= 0.0)
+      return ms;
+  }
+  return 100;
+}
+
+// Commands go on between two steps; what comes meanwhile need not wait for the step to end the force.
+static void test_what_waits_for_the_step_ends_the_force(void) {
+  for (int i = 0; i < 5; i++) {
+    press_until_force();
+    const uint8_t held = GV_GLOVE_DEAD_MAN;
+    const gv_frame say[5] = {glove(1.05, 0, 0), glove(1.05, held | GV_GLOVE_SENSOR_FAULT, 0),
+                             glove(1.05, held | GV_GLOVE_LEFT, 0), pose(GV_RECEIVER_HAND, 0.06, 0),
+                             status(GV_STATUS_DEAD_MAN | GV_STATUS_FAULT)};
+    gv_session_heed(&session, &say[i], 1);
+    const int ms = ms_of_repeats_until_zero();
+    CHECK(ms <= 15, "case %d: zero after %d ms", i, ms);
+  }
+  press_until_force();
+  const int ms = ms_of_repeats_until_zero();
+  CHECK(ms >= 31 && ms <= 32 + 15, "silence: zero after %d ms, 32 ms and the ramp are allowed", ms);
+}
+
 static void test_a_late_wake_up_never_steepens_the_rise(void) {
   press_until_force();
   press(30, 1.05, 0);
@@ -702,6 +746,8 @@ int main(void) {
   RUN(test_a_device_in_doubt_ends_the_force_at_once);
   RUN(test_every_fault_has_its_words);
   RUN(test_an_open_switch_counts_in_any_sound_frame);
+  RUN(test_a_doubt_counts_in_any_sound_frame);
+  RUN(test_what_waits_for_the_step_ends_the_force);
   RUN(test_a_late_wake_up_never_steepens_the_rise);
   RUN(test_device_fault_ends_the_force);
   RUN(test_broken_frames_end_the_force);

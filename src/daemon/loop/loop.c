@@ -205,8 +205,12 @@ static void tell(gv_loop *loop, int64_t step) {
 
 static void take_frames(gv_loop *loop, int64_t now_ns) {
   const gv_driver *driver = loop->driver;
-  loop->frame_count += driver->poll(driver->self, now_ns, &loop->frame[loop->frame_count],
-                                    GV_LOOP_FRAMES - loop->frame_count);
+  gv_frame *first = &loop->frame[loop->frame_count];
+  const int count = driver->poll(driver->self, now_ns, first, GV_LOOP_FRAMES - loop->frame_count);
+  loop->frame_count += count;
+  // The step may be milliseconds away.
+  if (loop->commands > 1)
+    gv_session_heed(loop->session, first, count);
 }
 
 // The newest frame of the glove from `first` on; null: none.

@@ -60,20 +60,64 @@ static void take_source(gv_session *session, gv_source *source, const gv_frame *
     session->frames.late++;
 }
 
+// ---- what a sound frame says against a force -----------------------------------------------------------
+
+static uint32_t heed_glove(gv_session *session, const gv_glove_msg *msg) {
+  const bool other_hand = ((msg->flags & GV_GLOVE_LEFT) != 0) != (session->cfg.side == GV_LEFT);
+  const bool sensor_fault = (msg->flags & GV_GLOVE_SENSOR_FAULT) != 0;
+  const uint32_t doubts = (other_hand ? GV_FAULT_OTHER_HAND : 0u) | (sensor_fault ? GV_FAULT_SENSOR : 0u);
+  session->switch_open |= !(msg->flags & GV_GLOVE_DEAD_MAN);
+  session->doubts_heard |= doubts;
+  session->other_hand |= other_hand;
+  return doubts;
+}
+
+// Beyond 100 m the engine refuses the pose: taking it as fresh here would let a force go on from an old one.
+static bool heed_pose(gv_session *session, const gv_pose_msg *msg) {
+  const bool usable = (msg->flags & GV_POSE_VALID) && !(msg->flags & GV_POSE_TRACKER_ERROR) &&
+                      gv_norm(msg->T_world_receiver.p) <= farthest_m;
+  if (!usable && msg->receiver == GV_RECEIVER_HAND)
+    session->doubts_heard |= GV_FAULT_TRACKER;
+  return !usable;
+}
+
+static void heed_status(gv_session *session, const gv_status_msg *msg) {
+  session->switch_open |= !(msg->flags & GV_STATUS_DEAD_MAN);
+  if (msg->flags & GV_STATUS_FAULT)
+    session->doubts_heard |= GV_FAULT_DEVICE;
+}
+
+void gv_session_heed(gv_session *session, const gv_frame *frame, int count) {
+  gv_glove_msg glove;
+  gv_pose_msg pose;
+  gv_status_msg status;
+  for (int i = 0; i < count; i++) {
+    if (frame[i].id == GV_ID_GLOVE && gv_fcu_unpack_glove(&frame[i], &glove) == GV_FCU_OK)
+      heed_glove(session, &glove);
+    if (frame[i].id == GV_ID_POSE && gv_fcu_unpack_pose(&frame[i], &pose) == GV_FCU_OK)
+      heed_pose(session, &pose);
+    if (frame[i].id == GV_ID_STATUS && gv_fcu_unpack_status(&frame[i], &status) == GV_FCU_OK)
+      heed_status(session, &status);
+  }
+}
+
+static void forget_what_was_heard(gv_session *session) {
+  session->switch_open = false;
+  session->doubts_heard = 0;
+}
+
+// ---- frames of a step ------------------------------------------------------------------------------------
+
 static gv_fcu_error take_glove(gv_session *session, const gv_frame *frame, int64_t now_ns) {
   gv_glove_msg msg;
   gv_fcu_error error = gv_fcu_unpack_glove(frame, &msg);
   if (error)
     return error;
-  if (!(msg.flags & GV_GLOVE_DEAD_MAN))
-    session->switch_open = true;
+  const uint32_t doubts = heed_glove(session, &msg);
   if (!accept_counter(session, &session->glove_stream, msg.counter, now_ns))
     return GV_FCU_OK;
-  const bool other_hand = ((msg.flags & GV_GLOVE_LEFT) != 0) != (session->cfg.side == GV_LEFT);
-  const bool sensor_fault = (msg.flags & GV_GLOVE_SENSOR_FAULT) != 0;
-  session->glove_doubt = (other_hand ? GV_FAULT_OTHER_HAND : 0u) | (sensor_fault ? GV_FAULT_SENSOR : 0u);
-  session->other_hand |= other_hand;
-  if (session->glove_doubt) {
+  session->glove_doubt = doubts;
+  if (doubts) {
     session->frames.unusable++;
     return GV_FCU_OK;
   }
@@ -86,12 +130,12 @@ static gv_fcu_error take_glove(gv_session *session, const gv_frame *frame, int64
 static gv_fcu_error take_pose(gv_session *session, const gv_frame *frame, int64_t now_ns) {
   gv_pose_msg msg;
   gv_fcu_error error = gv_fcu_unpack_pose(frame, &msg);
-  if (error || !accept_counter(session, &session->pose_stream, msg.counter, now_ns))
+  if (error)
     return error;
-  // Beyond 100 m the engine refuses the pose: taking it as fresh here would let a
-  // force go on from an old one.
-  if (!(msg.flags & GV_POSE_VALID) || (msg.flags & GV_POSE_TRACKER_ERROR) ||
-      gv_norm(msg.T_world_receiver.p) > farthest_m) {
+  const bool in_doubt = heed_pose(session, &msg);
+  if (!accept_counter(session, &session->pose_stream, msg.counter, now_ns))
+    return GV_FCU_OK;
+  if (in_doubt) {
     if (msg.receiver == GV_RECEIVER_HAND)
       session->hand_source.doubt = true;
     session->frames.unusable++;
@@ -111,8 +155,7 @@ static gv_fcu_error take_status(gv_session *session, const gv_frame *frame, int6
   gv_fcu_error error = gv_fcu_unpack_status(frame, &msg);
   if (error)
     return error;
-  if (!(msg.flags & GV_STATUS_DEAD_MAN))
-    session->switch_open = true;
+  heed_status(session, &msg);
   if (!accept_counter(session, &session->status_stream, msg.counter, now_ns))
     return GV_FCU_OK;
   session->status = msg;
@@ -226,16 +269,32 @@ static void step_safety(gv_session *session, unsigned frame_errors, unsigned per
     .glove_interval_s = session->glove_source.interval_s,
     .tracker_interval_s = session->hand_source.interval_s,
     .status_interval_s = session->status_source.interval_s,
-    .doubts = session->glove_doubt | (session->hand_source.doubt ? GV_FAULT_TRACKER : 0u),
+    .doubts = session->glove_doubt | (session->hand_source.doubt ? GV_FAULT_TRACKER : 0u) |
+              session->doubts_heard,
     .dead_man = held && !session->disarmed,
     .finite = all_finite(session->result.tension_n),
-    .device_fault = session->status_source.seen && (session->status.flags & GV_STATUS_FAULT),
+    .device_fault = (session->status_source.seen && (session->status.flags & GV_STATUS_FAULT)) ||
+                    (session->doubts_heard & GV_FAULT_DEVICE),
     .bad_frames = frame_errors,
     .overruns = count_overruns(session, periods_skipped),
     .desired_max_n = largest(session->result.tension_n),
   };
   gv_safety_step(&session->safety, &in, session->cfg.period_s);
   session->faults_seen |= session->safety.faults;
+}
+
+// Between two steps, as the safety machine will see it in the next one.
+static bool is_older_than_allowed(const gv_source *source, double age_s, double max_age_s) {
+  return source->seen && age_s > gv_source_largest_age_s(source->interval_s, max_age_s);
+}
+
+// Nothing that came or stayed away since the last step ends the force.
+static bool nothing_speaks_against(const gv_session *session) {
+  const gv_safety_config *c = &session->cfg.safety;
+  return !session->switch_open && !session->doubts_heard &&
+         !is_older_than_allowed(&session->glove_source, session->glove_age_s, c->max_age_s) &&
+         !is_older_than_allowed(&session->hand_source, session->hand_age_s, c->max_age_s) &&
+         !is_older_than_allowed(&session->status_source, session->status_age_s, c->status_age_s);
 }
 
 static uint32_t age_us(double seconds) {
@@ -245,7 +304,7 @@ static uint32_t age_us(double seconds) {
 // Limits the desired forces and packs what is left of them: the one way of a force out of the daemon.
 static void send_force(gv_session *session, const double desired_n[GV_FINGERS], double dt_s,
                        gv_frame *out_command) {
-  const bool enabled = gv_safety_lets_force_out(&session->safety);
+  const bool enabled = gv_safety_lets_force_out(&session->safety) && nothing_speaks_against(session);
   const double age = fmax(session->glove_age_s, session->hand_age_s);
   session->limiter_flags = gv_limiter_step(&session->limiter, desired_n, enabled, age, dt_s,
                                            session->force_n);
@@ -293,7 +352,8 @@ void gv_session_compute(gv_session *session, int64_t now_ns, const gv_frame *fra
                          ? (double)(now_ns - session->stepped_ns) * 1e-9
                          : 0.0;
   session->stepped_ns = now_ns;
-  session->sample.glove_new = session->sample.pose_new = session->switch_open = session->told = false;
+  session->sample.glove_new = session->sample.pose_new = session->told = false;
+  forget_what_was_heard(session);
   take_frames(session, frame, count, now_ns);
   fill_sample(session);
   update_ages(session, now_ns);
@@ -301,20 +361,9 @@ void gv_session_compute(gv_session *session, int64_t now_ns, const gv_frame *fra
   step_safety(session, (unsigned)(session->frames.errors - errors_before), periods_skipped);
 }
 
-// A sound frame of the glove or the device that says so; it is taken later, with the step.
-static bool opens_switch(const gv_frame *frame) {
-  gv_glove_msg glove;
-  gv_status_msg status;
-  if (frame->id == GV_ID_GLOVE)
-    return gv_fcu_unpack_glove(frame, &glove) == GV_FCU_OK && !(glove.flags & GV_GLOVE_DEAD_MAN);
-  return frame->id == GV_ID_STATUS && gv_fcu_unpack_status(frame, &status) == GV_FCU_OK &&
-         !(status.flags & GV_STATUS_DEAD_MAN);
-}
-
 void gv_session_hold(gv_session *session, int64_t now_ns, const gv_frame *frame, int count) {
-  session->switch_open = false;
-  for (int i = 0; i < count; i++)
-    session->switch_open |= opens_switch(&frame[i]);
+  forget_what_was_heard(session);
+  gv_session_heed(session, frame, count);
   update_ages(session, now_ns);
   step_safety(session, 0, 1);
 }

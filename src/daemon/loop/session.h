@@ -65,9 +65,11 @@ typedef struct gv_session {
   gv_status_msg status;
   gv_source glove_source, hand_source, status_source;
   bool head_seen;
-  uint32_t glove_doubt;   // GV_FAULT_SENSOR, GV_FAULT_OTHER_HAND: why the glove's newest sound frame
-                          // was no sample
-  bool switch_open;       // a sound frame of this step, whatever else it says, has the dead-man switch open
+  uint32_t glove_doubt;  // GV_FAULT_SENSOR, GV_FAULT_OTHER_HAND: why the glove's newest sound frame
+                         // was no sample
+  // Of any sound frame since the last step began, whatever its counter says and whatever came after it:
+  bool switch_open;       // it has the dead-man switch open
+  uint32_t doubts_heard;  // gv_fault bits: it says that glove, tracker or device are in doubt
   int64_t stepped_ns;     // now_ns of the last step
   double pause_s;         // between the last two steps; 0 before the second
   int64_t commanded_ns;   // now_ns of the last command
@@ -106,9 +108,11 @@ void gv_session_compute(gv_session *session, int64_t now_ns, const gv_frame *fra
                         unsigned periods_skipped);
 // From the next step on the engine does what this rung of the deadline ladder leaves of a step.
 void gv_session_set_rung(gv_session *session, gv_rung rung);
-// A period without a step: safety goes on, and an open dead-man switch in the frames that
-// wait for the next step counts.
+// A period without a step: safety goes on, and an open dead-man switch or a doubt in the frames
+// that wait for the next step counts.
 void gv_session_hold(gv_session *session, int64_t now_ns, const gv_frame *frame, int count);
+// Frames that wait for the next step: an open dead-man switch, or a doubt, ends the force from the next command on.
+void gv_session_heed(gv_session *session, const gv_frame *frame, int count);
 // What the device is told at now_ns, when it is sent: after a step, and again between two steps where they
 // are far apart. The limiter reckons with the time since the last command. Always writes one.
 void gv_session_command(gv_session *session, int64_t now_ns, gv_frame *out_command);
