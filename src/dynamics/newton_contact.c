@@ -4,8 +4,8 @@
 
 #include <assert.h>
 
-static const double least_tolerance = 2e-10; // N s: two impulses that differ by less are the same
-static const double relative_tolerance = 2e-7;
+static const double least_tolerance = 1e-10; // N s: two impulses that differ by less are the same
+static const double relative_tolerance = 5e-8;
 static const double most_lambda = 1e30;      // without friction nothing holds a slip back
 
 // W v of an eliminated limb; zero of any other contact.
