@@ -168,6 +168,51 @@ static void test_a_true_jump_passes_at_the_second_sample(void) {
   CHECK_NEAR(c.angle[GV_INDEX_MPJ], 0.8, 1e-9);
 }
 
+// Two samples that jump, each elsewhere, do not confirm each other.
+static void test_two_jumps_do_not_make_a_movement(void) {
+  start();
+  double angle[GV_SENSORS] = {0};
+  gv_sample s = glove_at(angle);
+  gv_condition_sample(&c, &cfg, &s, &limited);
+  for (int i = 0; i < 6; i++) {
+    angle[GV_INDEX_MPJ] = 0.5 + 0.6 * (i % 2);
+    s = glove_at(angle);
+    CHECK(gv_condition_sample(&c, &cfg, &s, &limited) == 1, "sample %d was taken", i);
+    gv_condition_step(&c, &cfg);
+  }
+  CHECK(c.target[GV_INDEX_MPJ] == 0.0, "the joint goes to %g rad", c.target[GV_INDEX_MPJ]);
+}
+
+// A joint that runs into its end is led on along its speed, and not beyond the anatomy.
+static void test_no_prediction_beyond_the_anatomy(void) {
+  double angle[GV_SENSORS] = {0};
+  double ahead[GV_SENSORS];
+  gv_pose wrist;
+  start();
+  cfg.prediction_s = 0.02;
+  const double end = cfg.hand.angle_max_rad[GV_INDEX_PIJ];
+  double most = 0.0;
+  for (int i = 0; i < 500; i++) {
+    angle[GV_INDEX_PIJ] = fmin(end, 5.0 * i * h);
+    const gv_sample s = glove_at(angle);
+    gv_condition_sample(&c, &cfg, &s, &limited);
+    gv_condition_step(&c, &cfg);
+    gv_condition_output(&c, &cfg, ahead, &wrist);
+    most = fmax(most, ahead[GV_INDEX_PIJ] - end);
+  }
+  CHECK(most == 0.0, "led %g rad beyond its end", most);
+}
+
+static void test_a_pose_beyond_100_m_is_none(void) {
+  for (int i = 0; i < 2; i++) {
+    start();
+    gv_sample s = pose_at((gv_pose){{1, 0, 0, 0}, {0, i == 0 ? 99.9 : 100.1, 0}});
+    const int refused = gv_condition_sample(&c, &cfg, &s, &limited);
+    CHECK(refused == i && c.pose_seen == (i == 0), "at %g m: %d refused", s.T_world_receiver.p.y, refused);
+    CHECK(i == 0 || c.why == GV_SAMPLE_NO_POSE, "why: %u", c.why);
+  }
+}
+
 static void test_anatomy_limits_and_counts(void) {
   start();
   double angle[GV_SENSORS] = {0};
@@ -305,6 +350,9 @@ int main(void) {
   RUN(test_a_pose_turns_the_short_way_and_arrives);
   RUN(test_single_jumps_leave_no_mark);
   RUN(test_a_true_jump_passes_at_the_second_sample);
+  RUN(test_two_jumps_do_not_make_a_movement);
+  RUN(test_no_prediction_beyond_the_anatomy);
+  RUN(test_a_pose_beyond_100_m_is_none);
   RUN(test_anatomy_limits_and_counts);
   RUN(test_recorded_hands);
   return check_done();

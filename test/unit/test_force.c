@@ -6,6 +6,7 @@
 #include "support/check.h"
 #include "gloved/force.h"
 #include "gloved/safety.h"
+#include "safety/source.h"
 
 static const double dt = 0.001;
 
@@ -189,6 +190,37 @@ static void test_repeated_overruns_at_low_rates(void) {
   }
 }
 
+// Ten bad frames within a tenth of a second are allowed: at 1 kHz one in eleven periods comes to less than
+// that whatever its time, one in nine to more.
+static void test_the_window_counts_what_comes_steadily(void) {
+  for (int every = 8; every <= 13; every += 5) {
+    machine m = active_machine();
+    bool fault = false;
+    for (int i = 0; i < 3000; i++) {
+      m.in.bad_frames = i % every == 0;
+      fault |= go(&m) == GV_SAFETY_FAULT;
+    }
+    CHECK(fault == (every == 8), "one bad frame in %d periods: %s", every, fault ? "a fault" : "none");
+    CHECK(!fault || m.s.faults == GV_FAULT_FRAMES || m.s.faults == 0, "for another reason: %x", m.s.faults);
+  }
+}
+
+// The rate of a source is that of its frames, not of its outages: after a pause of a second the age that is
+// allowed is that of before.
+static void test_an_outage_says_nothing_about_the_rate(void) {
+  gv_source source = {0};
+  int64_t now_ns = 0;
+  for (int i = 0; i < 200; i++) {
+    gv_source_take(&source, now_ns, (uint32_t)i, 0);
+    now_ns += 2000000;
+  }
+  const double allowed_s = gv_source_largest_age_s(source.interval_s, 0.05);
+  CHECK_NEAR(allowed_s, 0.034, 1e-4);
+  now_ns += 1000000000;
+  gv_source_take(&source, now_ns, 300, 0);
+  CHECK_NEAR(gv_source_largest_age_s(source.interval_s, 0.05), allowed_s, 1e-9);
+}
+
 static void test_stop_is_final(void) {
   machine m = active_machine();
   m.in.stop = true;
@@ -260,6 +292,8 @@ int main(void) {
   RUN(test_a_switch_held_at_start_does_not_arm);
   RUN(test_every_fault_stops_the_force);
   RUN(test_repeated_overruns_at_low_rates);
+  RUN(test_the_window_counts_what_comes_steadily);
+  RUN(test_an_outage_says_nothing_about_the_rate);
   RUN(test_stop_is_final);
   RUN(test_tendon_map_inverts_a_tension);
   RUN(test_a_fingertip_force_is_felt);

@@ -43,6 +43,24 @@ static void test_a_limb_across_a_ridge_touches_both_slopes(void) {
   }
 }
 
+// A limb 0.5 mm over the table: its polygon is told from a margin of that size on, with a depth below zero.
+static void test_a_gap_within_the_margin_is_told(void) {
+  gv_hull hull = roof();
+  gv_shape limb = gv_shape_capsule(0.02, 0.008);
+  gv_shape b = gv_shape_hull(&hull);
+  const double slope = atan(0.2);
+  const double up = 0.0085;  // along the slope's normal: 0.5 mm over it
+  gv_pose T = {gv_quat_exp(gv_v3(0, 0, 0.5 * GV_PI)), {0.025 + up * sin(slope), 0, 0.005 + up * cos(slope)}};
+  for (int i = 0; i < 2; i++) {
+    gv_polygon_depth out[16];
+    const double margin = i == 0 ? 0.0004 : 0.0006;
+    int count = gv_polygon_depths(&(gv_pair){&limb, &T, &b, &here}, gv_v3(0, 0, 1), margin, out, 16);
+    CHECK(count == i, "margin %g m: %d polygons", margin, count);
+    if (count == 1)
+      CHECK_NEAR(out[0].depth, -0.0005, 1e-12);
+  }
+}
+
 // Polygons up to 72 degrees away from the contact's normal are told, steeper ones are
 // not: a needle's tip of slopes.
 static void test_polygons_up_to_72_degrees_are_told(void) {
@@ -154,6 +172,7 @@ static void test_engine_publishes_them(void) {
 
 int main(void) {
   RUN(test_a_limb_across_a_ridge_touches_both_slopes);
+  RUN(test_a_gap_within_the_margin_is_told);
   RUN(test_polygons_up_to_72_degrees_are_told);
   RUN(test_depths_equal_dense_sampling);
   RUN(test_a_palm_covers_a_small_polygon);
