@@ -205,18 +205,32 @@ static void fit_limiter(program *p) {
           p->settings.limiter.max_n, p->settings.limiter.pretension_n, p->settings.limiter.slew_n_per_s);
 }
 
+// The file behind a device's scheme, without its options; false: another scheme, or none is named.
+static bool file_of_fcu(const program *p, const char *scheme, char out[GV_SETTING_TEXT]) {
+  const size_t length = strlen(scheme);
+  const bool is_so = strncmp(p->settings.fcu, scheme, length) == 0;
+  const char *file = is_so ? p->settings.fcu + length : "";
+  snprintf(out, GV_SETTING_TEXT, "%.*s", (int)strcspn(file, "?"), file);
+  return *out != '\0';
+}
+
 // Before anything is opened: what is there stays as it is until nothing can fail any more.
 static int check_outputs(program *p) {
-  const bool from_trace = strncmp(p->settings.fcu, "trace:", 6) == 0;
-  char trace[GV_SETTING_TEXT] = "";
-  if (from_trace)
-    snprintf(trace, sizeof trace, "%.*s", (int)strcspn(p->settings.fcu + 6, "?"), p->settings.fcu + 6);
+  char trace[GV_SETTING_TEXT];
+  char script[GV_SETTING_TEXT];
+  char found[4096] = "";
+  char trace_about[GV_SETTING_TEXT + 16] = "";
   char about[GV_SETTING_TEXT + 16] = "";
+  if (file_of_fcu(p, "trace:", trace))
+    snprintf(trace_about, sizeof trace_about, "%s.about", trace);
+  if (file_of_fcu(p, "sim:", script))
+    gv_data_path(script, "scripts", ".user", found, sizeof found);
   if (p->options.record)
     snprintf(about, sizeof about, "%s.about", p->options.record);
   const gv_named_file file[] = {
     {"--config", p->options.config, false},  {"--scene", p->settings.scene, false},
     {"--fcu trace:", trace, false},          {"calibration", p->settings.calibration, false},
+    {"--fcu trace:", trace_about, false},    {"--fcu sim:", found, false},
     {"--summary", p->options.summary, true}, {"--record", p->options.record, true},
     {"--log", p->options.log, true},         {"--record", about, true},
   };

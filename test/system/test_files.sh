@@ -61,6 +61,22 @@ for option in --record --log --summary; do
   done
 done
 
+# Nor are they waited for as what is read.
+for input in "--config $tmp/pipe" "--scene $tmp/pipe" "--scene /dev/zero" "--fcu sim:$tmp/pipe" "--fcu trace:$tmp/pipe" "--fcu trace:/dev/zero"; do
+  timeout 5 "$gloved" --check --lcm none $input > "$tmp/out" 2> "$tmp/err"; code=$?
+  [ $code -eq 2 ] && grep -q 'plain file' "$tmp/err"; verdict "$(echo "$input" | sed "s,$tmp/,,; s/^--//; s/[^a-z]/_/g")_is_not_read" $? "exit $code: $(cat "$tmp/err")"
+done
+
+cp "$tmp/press.user" "$tmp/precious.user"
+timeout 10 "$gloved" --lcm none --fcu "sim:$tmp/precious.user" --record "$tmp/precious.user" --duration 0.1 > "$tmp/out" 2>&1; code=$?
+[ $code -eq 2 ] && cmp -s "$tmp/press.user" "$tmp/precious.user"; verdict a_recording_onto_its_own_script_is_refused $? "exit $code: $(cat "$tmp/out")"
+cp "$tmp/own.log.about" "$tmp/copy.about"
+timeout 10 "$gloved" --lcm none --fcu "trace:$tmp/own.log?speed=0" --summary "$tmp/own.log.about" > "$tmp/out" 2>&1; code=$?
+[ $code -eq 2 ] && cmp -s "$tmp/own.log.about" "$tmp/copy.about"; verdict a_summary_onto_the_traces_own_words_is_refused $? "exit $code: $(cat "$tmp/out")"
+ln -s nowhere "$tmp/dangling"
+timeout 10 "$gloved" --check --lcm none --fcu "$press" --record "$tmp/dangling" > "$tmp/out" 2>&1; code=$?
+[ $code -eq 2 ] && [ -L "$tmp/dangling" ] && [ ! -e "$tmp/nowhere" ]; verdict a_link_to_nothing_stays $? "exit $code: $(cat "$tmp/out")"
+
 # A disk with room for 200 kB.
 for option in --record --log; do
   (ulimit -f 400; exec timeout 20 "$gloved" --fcu "$press?speed=0" --lcm none --duration 8 "$option" "$tmp/large") > "$tmp/out" 2> "$tmp/err"; code=$?

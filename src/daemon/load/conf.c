@@ -15,6 +15,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/stat.h>
 
 // ---- errors ---------------------------------------------------------------------------------------
 
@@ -49,8 +50,18 @@ bool gv_conf_fail(gv_conf_node at, const char *format, ...) {
 
 // ---- the file -------------------------------------------------------------------------------------
 
+// A pipe would block for ever, a device never end.
+static bool is_pipe_or_device(const char *path) {
+  struct stat there;
+  return stat(path, &there) == 0 && !S_ISREG(there.st_mode) && !S_ISDIR(there.st_mode);
+}
+
 // The whole file with a final zero, or null.
 static char *read_text(gv_conf *conf) {
+  if (is_pipe_or_device(conf->path)) {
+    fail_at(conf, 0, "a pipe or a device; give a plain file");
+    return NULL;
+  }
   FILE *file = fopen(conf->path, "rb");
   if (!file) {
     fail_at(conf, 0, "cannot open: %s; check the path", strerror(errno));

@@ -25,12 +25,22 @@ static const char *kind_of(mode_t mode) {
   return "no plain file";
 }
 
+// A pipe would block, a device never end or take what is no file.
+static int check_kind(const gv_named_file *file, char *err, size_t err_size) {
+  struct stat there;
+  if (stat(file->path, &there) != 0 || S_ISREG(there.st_mode))
+    return 0;
+  snprintf(err, err_size, "%s %s: this is %s; name a plain file", file->option, file->path,
+           kind_of(there.st_mode));
+  return -1;
+}
+
 static int check_writable(const gv_named_file *file, char *err, size_t err_size) {
   struct stat there;
   const bool exists = stat(file->path, &there) == 0;
-  if (exists && !S_ISREG(there.st_mode)) {
-    snprintf(err, err_size, "%s %s: this is %s; name a plain file", file->option, file->path,
-             kind_of(there.st_mode));
+  if (!exists && lstat(file->path, &there) == 0) {
+    snprintf(err, err_size, "%s %s: a link to a file that is not there; name the file", file->option,
+             file->path);
     return -1;
   }
   // Opened as it will be, without emptying it; what this makes goes again.
@@ -83,7 +93,11 @@ static int check_apart(const gv_named_file *file, int count, int i, char *err, s
 
 int gv_output_check(const gv_named_file *file, int count, char *err, size_t err_size) {
   for (int i = 0; i < count; i++) {
-    if (!is_given(&file[i]) || !file[i].written)
+    if (!is_given(&file[i]))
+      continue;
+    if (check_kind(&file[i], err, err_size))
+      return -1;
+    if (!file[i].written)
       continue;
     if (check_apart(file, count, i, err, err_size))
       return -1;
