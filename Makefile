@@ -201,10 +201,11 @@ bench-accuracy: $(B)/test/test_accuracy
 	$(Q)$< --list | GV_POSES=$${GV_POSES:-1000000} xargs -n1 -P$$(nproc) $<
 	$(Q)$< --list | GV_NARROW=libccd GV_POSES=$${GV_POSES:-1000000} xargs -n1 -P$$(nproc) $<
 
-## bench: time of every step per scene, side by side with the peers; writes data/bench/ (BENCH=NAME: one scene)
+## bench: time of every step per scene, side by side with the peers, and how far all are from the laws of contact; writes data/bench/ (BENCH=NAME: one scene; 12 minutes)
 bench: bench-peers
 	$(Q)$(MAKE) --no-print-directory $(B)/test/bench_engine $(B)/test/bench_mujoco $(B)/test/bench_pairs
 	$(Q)build/venv-bench/bin/python test/bench/bench.py $(B) $(BENCH)
+	$(Q)$(MAKE) --no-print-directory residuals solvers
 
 ## latency: from a glove's frame to its force over UDP beside a bare echo, and the wake-up beside cyclictest (6 minutes)
 latency: build/venv-plot/.done
@@ -221,6 +222,12 @@ instructions: $(B)/test/bench_engine $(B)/test/test_crowd
 solvers: $(B)/test/bench_engine $(B)/test/test_replay
 	$(Q)B=$(B) python3 test/bench/solvers.py
 .PHONY: solvers
+
+## residuals: how far each solver, MuJoCo and Bullet are from the laws of contact; writes data/bench/residuals.csv (part of make bench)
+residuals: bench-peers
+	$(Q)$(MAKE) --no-print-directory $(B)/test/bench_engine $(B)/test/bench_laws $(B)/test/bench_mujoco
+	$(Q)build/venv-bench/bin/python test/bench/residuals.py $(B) $(BENCH)
+.PHONY: residuals
 
 ## bench-peers: install what the engine is measured against: MuJoCo, Bullet, coal
 bench-peers: build/venv-bench/.done
@@ -347,6 +354,9 @@ $(B)/gloved-trace: $(call OBJ,$(wildcard tools/trace/*.c))
 $(B)/test/bench_engine: $(B)/test/bench/bench_engine.o $(LIB)
 	@mkdir -p $(@D)
 	$(Q)$(CC) $(LDFLAGS) -Wl,--wrap=gv_engine_collide,--wrap=gv_dynamics_step $^ $(LDLIBS) -o $@
+$(B)/test/bench_laws: $(B)/test/bench/bench_laws.o $(LIB)
+	@mkdir -p $(@D)
+	$(Q)$(CC) $(LDFLAGS) -Wl,--wrap=gv_choice_solve $^ $(LDLIBS) -o $@
 $(B)/test/bench_latency: $(B)/test/bench/bench_latency.o $(LIB)
 	@mkdir -p $(@D)
 	$(Q)$(CC) $(LDFLAGS) $^ $(LDLIBS) -o $@

@@ -74,6 +74,9 @@ class Bullet:
         self.limbs = [self.make_limb(i, limb) for i, limb in enumerate(self.scene["limbs"])]
         self.objects = [self.make_object(o) for o in self.scene["objects"]]
         self.object = next(b for b, o in zip(self.objects, self.scene["objects"]) if o["name"] == self.name)
+        everybody = list(zip(self.limbs, self.scene["limbs"])) + list(zip(self.objects, self.scene["objects"]))
+        self.mass = {b: of["mass"] for b, of in everybody if not of.get("static")}
+        self.mu = {b: of.get("mu", self.scene["mu_hand"]) for b, of in everybody}
         self.placed = False
 
     def make_limb(self, index, limb):
@@ -127,23 +130,56 @@ class Bullet:
         for i, body in enumerate(self.limbs):
             p.applyExternalForce(body, -1, f[i], x[i], p.WORLD_FRAME)
             p.applyExternalTorque(body, -1, t[i], p.WORLD_FRAME)
+        return dict(zip(self.limbs, f))
 
-    def run(self, first, count):
+    # ---- residuals of the step that was done ----
+    def velocities(self):
+        return {b: np.array(p.getBaseVelocity(b)) for b in self.limbs + self.objects}
+
+    def judge(self, before, pushed):
+        """Residuals as in bench_drivers.h, and the number of contacts. What pybullet does not tell: the velocity with which
+        its contacts let go of a penetration (so Signorini's law is that of a rigid contact, which closes a gap within the
+        step and no more), and how it turns bodies (so momentum is the linear one alone)."""
+        laws, after, contacts = np.zeros(4), self.velocities(), p.getContactPoints()
+        impulse = {b: np.zeros(3) for b in after}
+        for c in contacts:
+            a, b, on_a, on_b, normal, f_n = c[1], c[2], np.array(c[5]), np.array(c[6]), np.array(c[7]), c[9]
+            f_t = c[10] * np.array(c[11]) + c[12] * np.array(c[13])
+            u = after[a][0] + np.cross(after[a][1], on_a - before[a][0]) - after[b][0] - np.cross(after[b][1], on_b - before[b][0])
+            u_t = u - u.dot(normal) * normal
+            bound = self.mu[a] * self.mu[b] * max(0.0, f_n)
+            w_n = u.dot(normal) + max(0.0, c[8]) / 0.001
+            laws[0] = max(laws[0], abs(min(w_n, f_n)))
+            laws[1] = max(laws[1], np.linalg.norm(f_t) - bound)
+            laws[2] = max(laws[2], abs(bound * np.linalg.norm(u_t) + f_t.dot(u_t)))
+            impulse[a] += (f_n * normal + f_t) * 0.001
+            impulse[b] -= (f_n * normal + f_t) * 0.001
+        for b, mass in self.mass.items():
+            gained = mass * (after[b][0] - before[b][1] - 0.001 * self.gravity)
+            laws[3] = max(laws[3], np.linalg.norm(gained - impulse[b] - 0.001 * pushed.get(b, np.zeros(3))))
+        return [*laws, len(contacts)]
+
+    def run(self, first, count, laws=False):
         if first == 0:
             self.reset()
-        out = np.zeros((count, 8))
+        out = np.zeros((count, 13 if laws else 8))
         for i in range(count):
             driver = self.steps[first + i]
             if not driver["placed"]:
                 continue
             if not self.placed:
                 self.place(driver["limb"])
-            self.pull(driver["limb"])
+            pushed = self.pull(driver["limb"])
+            if laws:
+                before = {b: (np.array(p.getBasePositionAndOrientation(b)[0]), np.array(p.getBaseVelocity(b)[0]))
+                          for b in self.limbs + self.objects}
             start = time.perf_counter_ns()
             p.stepSimulation()
             whole = time.perf_counter_ns() - start
             palm, q = p.getBasePositionAndOrientation(self.limbs[PALM])
             at = np.array(p.getBasePositionAndOrientation(self.object)[0])
             in_palm = rotate_inv([q[3], q[0], q[1], q[2]], at - np.array(palm))
-            out[i] = [whole * 1e-3, 0, 0, 0, *in_palm, at[2]]
+            out[i, :8] = [whole * 1e-3, 0, 0, 0, *in_palm, at[2]]
+            if laws:
+                out[i, 8:] = self.judge(before, pushed)
         return out

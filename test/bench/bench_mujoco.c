@@ -3,16 +3,21 @@
 // by the engine's own spring forces, against the same objects. test/bench/bench.py writes the model and
 // drives it as it drives bench_engine.
 //
-//   bench_mujoco MODEL.xml DRIVERS OBJECT    answers "FIRST COUNT" on standard input as bench_engine does
+//   bench_mujoco MODEL.xml DRIVERS OBJECT [laws]    answers "FIRST COUNT" on standard input as bench_engine does;
+//                                                   laws: each record goes on with GV_BENCH_LAWS residuals
+//   bench_mujoco MODEL.xml DRIVERS OBJECT count FIRST COUNT     counts instructions as bench_engine does, under callgrind
+#include <math.h>
 #include <mujoco/mujoco.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <time.h>
 
+#include <valgrind/callgrind.h>
+
 #include "bench/bench_drivers.h"
 
-enum { MAX_STEPS = 60000 };
+enum { MAX_STEPS = 60000, MAX_ROWS = 4096 };
 static gv_bench_header header;
 static gv_bench_drivers drivers[MAX_STEPS];
 static double gravity_z;
@@ -65,6 +70,54 @@ static void pull_limbs(mjData *d, const gv_bench_drivers *now) {
   }
 }
 
+// ---- residuals of the step that was done ------------------------------------------------------------
+// Rows of a contact, in its frame: normal, two tangents. J v of the velocities after the step is the slip; MuJoCo's own
+// law of a row is 0 <= f | J a + R f - aref >= 0 (a: accelerations), which times h is the velocity by which a contact
+// separates beyond what its softness lets it.
+static double larger(double a, double b) { return b <= a ? a : b; }
+
+static void judge_contact(const mjModel *m, const mjData *d, int i, double laws[GV_BENCH_LAWS]) {
+  static mjtNum acceleration[MAX_ROWS], velocity[MAX_ROWS];
+  const mjContact *c = &d->contact[i];
+  if (c->efc_address < 0 || d->nefc > MAX_ROWS)
+    return;
+  if (i == 0) {
+    mj_mulJacVec(m, d, acceleration, d->qacc);
+    mj_mulJacVec(m, d, velocity, d->qvel);
+  }
+  const int row = c->efc_address;
+  mjtNum f[6];
+  mj_contactForce(m, d, i, f);
+  const double too_fast = acceleration[row] + d->efc_R[row] * f[0] - d->efc_aref[row];
+  const double w_n = m->opt.timestep * too_fast;
+  const double slip = hypot(velocity[row + 1], velocity[row + 2]);
+  const double bound = c->friction[0] * fmax(0.0, f[0]);
+  const double power = f[1] * velocity[row + 1] + f[2] * velocity[row + 2];
+  laws[0] = larger(laws[0], fabs(fmin(w_n, f[0])));
+  laws[1] = larger(laws[1], hypot(f[1], f[2]) - bound);
+  laws[2] = larger(laws[2], fabs(bound * slip + power));
+}
+
+// M a - what acts without contacts - J^T f, of each body that moves, times h; a turn counts at 0.1 m.
+static void judge_momentum(const mjModel *m, const mjData *d, double laws[GV_BENCH_LAWS]) {
+  static mjtNum rest[MAX_ROWS];
+  if (m->nv > MAX_ROWS)
+    return;
+  mj_mulM(m, d, rest, d->qacc);
+  mju_subFrom(rest, d->qfrc_smooth, m->nv);
+  mju_subFrom(rest, d->qfrc_constraint, m->nv);
+  for (int i = 0; i + 6 <= m->nv; i += 6) {
+    const double apart = mju_norm3(&rest[i]) + 10.0 * mju_norm3(&rest[i + 3]);
+    laws[3] = larger(laws[3], m->opt.timestep * apart);
+  }
+}
+
+static void judge(const mjModel *m, const mjData *d, double laws[GV_BENCH_LAWS]) {
+  for (int i = 0; i < d->ncon; i++)
+    judge_contact(m, d, i, laws);
+  judge_momentum(m, d, laws);
+}
+
 static void run(const mjModel *m, mjData *d, int object, int step, bool *placed,
                 double out[GV_BENCH_VALUES]) {
   const gv_bench_drivers *now = &drivers[step];
@@ -87,26 +140,30 @@ static void run(const mjModel *m, mjData *d, int object, int step, bool *placed,
   memcpy(out, values, sizeof values);
 }
 
-int main(int argc, char **argv) {
-  char err[1000] = "";
-  if (argc != 4)
-    fail("usage: bench_mujoco MODEL.xml DRIVERS OBJECT");
-  FILE *f = fopen(argv[2], "rb");
-  if (!f || fread(&header, sizeof header, 1, f) != 1 || header.steps > MAX_STEPS ||
-      fread(drivers, sizeof *drivers, (size_t)header.steps, f) != (size_t)header.steps)
-    fail("cannot read the drivers");
-  fclose(f);
-  mjModel *m = mj_loadXML(argv[1], NULL, err, sizeof err);
-  if (!m)
-    fail(err);
-  mjData *d = mj_makeData(m);
-  gravity_z = m->opt.gravity[2];
-  int object = mj_name2id(m, mjOBJ_BODY, argv[3]);
-  if (object < 0)
-    fail("no such object");
+// What callgrind counts: test/support/callgrind.py names this function.
+__attribute__((noinline)) void gv_bench_counted_step(const mjModel *m, mjData *d, int object, int step,
+                                                     bool *placed);
+void gv_bench_counted_step(const mjModel *m, mjData *d, int object, int step, bool *placed) {
+  double out[GV_BENCH_VALUES];
+  run(m, d, object, step, placed, out);
+}
+
+static void count_steps(const mjModel *m, mjData *d, int object, int first, int count) {
+  bool placed = false;
+  for (int i = 0; i < first + count && i < header.steps; i++) {
+    if (i == first)
+      CALLGRIND_START_INSTRUMENTATION;
+    gv_bench_counted_step(m, d, object, i, &placed);
+    if (i >= first)
+      (void)VALGRIND_MONITOR_COMMAND("status internal");
+  }
+}
+
+static void serve(const mjModel *m, mjData *d, int object, bool laws) {
   int first, count;
   bool placed = false;
-  static double out[MAX_STEPS][GV_BENCH_VALUES];
+  static double out[MAX_STEPS * (GV_BENCH_VALUES + GV_BENCH_LAWS)];
+  const int width = GV_BENCH_VALUES + (laws ? GV_BENCH_LAWS : 0);
   while (scanf("%d %d", &first, &count) == 2) {
     if (first < 0 || count < 0 || first + count > header.steps)
       fail("asked for steps that are not there");
@@ -114,11 +171,44 @@ int main(int argc, char **argv) {
       mj_resetData(m, d);
       placed = false;
     }
-    for (int i = 0; i < count; i++)
-      run(m, d, object, first + i, &placed, out[i]);
-    fwrite(out, sizeof out[0], (size_t)count, stdout);
+    memset(out, 0, sizeof *out * (size_t)(width * count));
+    for (int i = 0; i < count; i++) {
+      run(m, d, object, first + i, &placed, &out[width * i]);
+      if (laws && placed)
+        judge(m, d, &out[width * i + GV_BENCH_VALUES]);
+    }
+    fwrite(out, sizeof *out * (size_t)width, (size_t)count, stdout);
     fflush(stdout);
   }
+}
+
+static void read_drivers(const char *path) {
+  FILE *f = fopen(path, "rb");
+  if (!f || fread(&header, sizeof header, 1, f) != 1 || header.steps > MAX_STEPS ||
+      fread(drivers, sizeof *drivers, (size_t)header.steps, f) != (size_t)header.steps)
+    fail("cannot read the drivers");
+  fclose(f);
+}
+
+int main(int argc, char **argv) {
+  char err[1000] = "";
+  const bool laws = argc == 5 && strcmp(argv[4], "laws") == 0;
+  const bool counts = argc == 7 && strcmp(argv[4], "count") == 0;
+  if (argc != 4 && !laws && !counts)
+    fail("usage: bench_mujoco MODEL.xml DRIVERS OBJECT [laws | count FIRST COUNT]");
+  read_drivers(argv[2]);
+  mjModel *m = mj_loadXML(argv[1], NULL, err, sizeof err);
+  if (!m)
+    fail(err);
+  mjData *d = mj_makeData(m);
+  gravity_z = m->opt.gravity[2];
+  const int object = mj_name2id(m, mjOBJ_BODY, argv[3]);
+  if (object < 0)
+    fail("no such object");
+  if (counts)
+    count_steps(m, d, object, atoi(argv[5]), atoi(argv[6]));
+  else
+    serve(m, d, object, laws);
   mj_deleteData(d);
   mj_deleteModel(m);
   return 0;

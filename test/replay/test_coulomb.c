@@ -57,6 +57,8 @@ static void test_coulombs_law_in_every_step(void) {
         worst.closing_m_s);
   CHECK(worst.outside_n < 1e-4, "%s: friction %g N outside the cone", expected.name, worst.outside_n);
   CHECK(worst.creep_m_s < 1e-5, "%s: slips at %g m/s below the bound", expected.name, worst.creep_m_s);
+  CHECK(worst.dissipation_w < 1e-5, "%s: friction takes %g W less than the most it could", expected.name,
+        worst.dissipation_w);
   CHECK(worst.astray_deg < 1, "%s: friction is %g degrees off the slip", expected.name, worst.astray_deg);
   CHECK(worst.momentum_n_s < 1e-10, "%s: %g N s from nowhere", expected.name, worst.momentum_n_s);
 }

@@ -21,17 +21,22 @@ def traces():
     return [name for name in names if os.path.exists(expected(name)["scene"][0])]
 
 
-def count(trace, first=0, steps=ALL_STEPS, variant="default", bench=BENCH):
-    """One number for each step. variant: of test/replay/expectation.h."""
-    what = expected(trace)
-    command = ["valgrind", "--tool=callgrind", "--instr-atstart=no", "--toggle-collect=gv_bench_counted_step",
-               "--callgrind-out-file=/dev/null", bench, f"trace:data/traces/{trace}/input.log.gz?speed=0",
-               what["scene"][0], what["object"][0], "-", str(first), str(steps)]
-    run = subprocess.run(command, capture_output=True, text=True, env={**os.environ, "GV_VARIANT": variant})
+def ask(command, variant="default"):
+    """Instructions of each step that a program says it has done: one number for each."""
+    valgrind = ["valgrind", "--tool=callgrind", "--instr-atstart=no", "--toggle-collect=gv_bench_counted_step",
+                "--callgrind-out-file=/dev/null"]
+    run = subprocess.run(valgrind + command, capture_output=True, text=True, env={**os.environ, "GV_VARIANT": variant})
     so_far = [0] + [int(n) for n in re.findall(r"^events-1: (\d+)$", run.stderr, re.M)]
     assert run.returncode == 0 and len(so_far) > 1, run.stderr
     return [after - before for before, after in zip(so_far, so_far[1:])]
 
 
-def mean(trace, first, steps, variant="default", bench=BENCH):
-    return round(sum(count(trace, first, steps, variant, bench)) / steps)
+def count(trace, first=0, steps=ALL_STEPS, variant="default"):
+    """Of the engine's steps. variant: of test/replay/expectation.h."""
+    what = expected(trace)
+    return ask([BENCH, f"trace:data/traces/{trace}/input.log.gz?speed=0", what["scene"][0], what["object"][0], "-",
+                str(first), str(steps)], variant)
+
+
+def mean(trace, first, steps, variant="default"):
+    return round(sum(count(trace, first, steps, variant)) / steps)

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // The laws of contact and friction, checked on an answer to a contact problem, whoever gave it: from the velocities of the
 // bodies and the impulses alone, in newtons and metres a second. The four residuals of "Contact Models in Robotics: a
-// Comparative Analysis" (Le Lidec et al. 2023): Signorini, Coulomb, maximum dissipation, momentum.
+// Comparative Analysis" (Le Lidec et al. 2023) are closing_m_s (Signorini), coulomb_n, dissipation_w and momentum_n_s.
 #ifndef TEST_SUPPORT_CONTACT_LAWS_H
 #define TEST_SUPPORT_CONTACT_LAWS_H
 
@@ -13,6 +13,8 @@ typedef struct contact_laws {
   double outside_n;       // friction beyond mu (1 + 1e-3) times the normal force
   double creep_m_s;       // slip where friction is below its bound
   double astray_deg;      // friction against slip, where both are there
+  double coulomb_n;       // friction beyond mu times the normal force
+  double dissipation_w;   // power that friction takes less than the most it could: mu f_n |u_t| + f_t u_t
   double momentum_n_s;    // of a body, and its angular momentum at 0.1 m
 } contact_laws;
 
@@ -38,6 +40,8 @@ static inline void judge_contact(const gv_problem *q, const gv_problem_contact *
   const double f_t = gv_norm(x_t) / h, slip = gv_norm(u_t), bound = c->mu * fmax(0.0, f_n);
   worst->pull_n = larger(worst->pull_n, -f_n);
   worst->closing_m_s = larger(worst->closing_m_s, fabs(fmin(w_n, f_n)));
+  worst->coulomb_n = larger(worst->coulomb_n, f_t - bound);
+  worst->dissipation_w = larger(worst->dissipation_w, fabs(bound * slip + gv_dot(x_t, u_t) / h));
   worst->outside_n = larger(worst->outside_n, f_t - bound * (1.0 + 1e-3));
   if (f_t < bound * (1.0 - 1e-3) - 1e-4) worst->creep_m_s = larger(worst->creep_m_s, slip - c->tangent_compliance * h * f_t);
   if (slip < 1e-5 + c->tangent_compliance * h * f_t || f_t < 1e-4) return;
