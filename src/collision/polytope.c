@@ -9,53 +9,73 @@
 
 enum { DEAD, ALIVE, SEEN, NONE = 0xffff };
 
-static double distance_to_line2(gv_vec3 p, gv_vec3 a, gv_vec3 direction) {
-  gv_vec3 r = gv_sub(p, a);
-  return gv_norm2(gv_mad(r, -gv_dot(r, direction), direction));
-}
-
-bool gv_polytope_pick_tetrahedron(const gv_vec3 *point, int count, double tolerance, uint16_t out_pick[4]) {
-  assert(count > 0 && count <= NONE && tolerance >= 0.0);
-  int a = 0;
-  int b = 0;
-  int c = 0;
-  int d = 0;
+// The point farthest from point a, from the line through a along a unit vector, and from the plane through a
+// with a unit normal; of equals the first. *out_distance: how far.
+static int farthest_from_point(const gv_vec3 *point, int count, int a, double *out_distance) {
+  int found = 0;
   double best = 0;
-  for (int k = 0; k < 4; k++)
-    out_pick[k] = 0;
   for (int i = 1; i < count; i++) {
     double distance2 = gv_norm2(gv_sub(point[i], point[a]));
     if (!(distance2 > best))
       continue;
     best = distance2;
-    b = i;
+    found = i;
   }
-  out_pick[1] = (uint16_t)b;
-  if (!(sqrt(best) > tolerance))
-    return false;
-  gv_vec3 along = gv_scale(gv_sub(point[b], point[a]), 1.0 / sqrt(best));
-  best = 0;
+  *out_distance = sqrt(best);
+  return found;
+}
+
+static double distance_to_line2(gv_vec3 p, gv_vec3 a, gv_vec3 direction) {
+  gv_vec3 r = gv_sub(p, a);
+  return gv_norm2(gv_mad(r, -gv_dot(r, direction), direction));
+}
+
+static int farthest_from_line(const gv_vec3 *point, int count, int a, gv_vec3 along, double *out_distance) {
+  int found = 0;
+  double best = 0;
   for (int i = 0; i < count; i++) {
     double distance2 = distance_to_line2(point[i], point[a], along);
     if (!(distance2 > best))
       continue;
     best = distance2;
-    c = i;
+    found = i;
   }
-  out_pick[2] = (uint16_t)c;
-  if (!(sqrt(best) > tolerance))
-    return false;
-  gv_vec3 n = gv_normalize_or(gv_cross(along, gv_sub(point[c], point[a])), gv_v3(0, 0, 1));
-  best = 0;
+  *out_distance = sqrt(best);
+  return found;
+}
+
+static int farthest_from_plane(const gv_vec3 *point, int count, int a, gv_vec3 normal, double *out_distance) {
+  int found = 0;
+  *out_distance = 0;
   for (int i = 0; i < count; i++) {
-    double height = fabs(gv_dot(n, gv_sub(point[i], point[a])));
-    if (!(height > best))
+    double height = fabs(gv_dot(normal, gv_sub(point[i], point[a])));
+    if (!(height > *out_distance))
       continue;
-    best = height;
-    d = i;
+    *out_distance = height;
+    found = i;
   }
-  out_pick[3] = (uint16_t)d;
-  return best > tolerance;
+  return found;
+}
+
+bool gv_polytope_pick_tetrahedron(const gv_vec3 *point, int count, double tolerance, uint16_t out_pick[4]) {
+  assert(count > 0 && count <= NONE && tolerance >= 0.0);
+  double distance;
+  for (int k = 0; k < 4; k++)
+    out_pick[k] = 0;
+  const int a = 0;
+  const int b = farthest_from_point(point, count, a, &distance);
+  out_pick[1] = (uint16_t)b;
+  if (!(distance > tolerance))
+    return false;
+  const gv_vec3 along = gv_scale(gv_sub(point[b], point[a]), 1.0 / distance);
+  const int c = farthest_from_line(point, count, a, along, &distance);
+  out_pick[2] = (uint16_t)c;
+  if (!(distance > tolerance))
+    return false;
+  const gv_vec3 across = gv_cross(along, gv_sub(point[c], point[a]));
+  const gv_vec3 normal = gv_normalize_or(across, gv_v3(0, 0, 1));
+  out_pick[3] = (uint16_t)farthest_from_plane(point, count, a, normal, &distance);
+  return distance > tolerance;
 }
 
 // Plane of the triangle a, b, c; false where it has no area worth a direction (height under 1e-14 of its

@@ -125,9 +125,31 @@ const gv_setting gv_engine_settings[GV_ENGINE_SETTINGS] = {
   BOOL("override", "sphere_inertia", override_sphere_inertia, ""),
 };
 
-static bool within(double value, double min, double max) {
-  return value >= min && value <= max;
-}  // no not-a-number is
+// No not-a-number is.
+static bool within(double value, double min, double max) { return value >= min && value <= max; }
+static bool between(double value, double min, double max) { return value > min && value < max; }
+
+// The first measure of the hand that no hand has; null: none.
+static const char *unsound_measure(const gv_hand_model *hand) {
+  if (hand->side != GV_RIGHT && hand->side != GV_LEFT)
+    return "hand.side";
+  for (int i = 0; i < GV_FINGERS; i++) {
+    for (int s = 0; s < 3; s++) {
+      if (!between(hand->segment_m[i][s], 0.001, 0.2))
+        return "hand.segment_m";
+      if (!between(hand->radius_m[i][s], 0.001, 0.05))
+        return "hand.radius_m";
+    }
+  }
+  if (!between(hand->palm_radius_m, 0.001, 0.05))
+    return "hand.palm_radius_m";
+  if (!gv_v3_finite(hand->palm_half_m) || !gv_v3_finite(hand->palm_center_m))
+    return "hand.palm";
+  for (int i = 0; i < GV_SENSORS; i++)
+    if (!(hand->angle_min_rad[i] < hand->angle_max_rad[i]))
+      return "hand.angle_min_rad";
+  return NULL;
+}
 
 const char *gv_config_check(const gv_config *c) {
   for (int i = 0; i < GV_ENGINE_SETTINGS; i++)
@@ -137,22 +159,9 @@ const char *gv_config_check(const gv_config *c) {
     return "period_s";
   if (!within(c->operations_per_s, 1e6, 1e11))
     return "operations_per_s";
-  if (c->hand.side != GV_RIGHT && c->hand.side != GV_LEFT)
-    return "hand.side";
-  for (int i = 0; i < GV_FINGERS; i++)
-    for (int s = 0; s < 3; s++) {
-      if (!(c->hand.segment_m[i][s] > 0.001 && c->hand.segment_m[i][s] < 0.2))
-        return "hand.segment_m";
-      if (!(c->hand.radius_m[i][s] > 0.001 && c->hand.radius_m[i][s] < 0.05))
-        return "hand.radius_m";
-    }
-  if (!(c->hand.palm_radius_m > 0.001 && c->hand.palm_radius_m < 0.05))
-    return "hand.palm_radius_m";
-  if (!gv_v3_finite(c->hand.palm_half_m) || !gv_v3_finite(c->hand.palm_center_m))
-    return "hand.palm";
-  for (int i = 0; i < GV_SENSORS; i++)
-    if (!(c->hand.angle_min_rad[i] < c->hand.angle_max_rad[i]))
-      return "hand.angle_min_rad";
+  const char *measure = unsound_measure(&c->hand);
+  if (measure)
+    return measure;
   if (!gv_pose_finite(c->T_receiver_wrist))
     return "T_receiver_wrist";
   if (gv_calibration_check(&c->calibration))

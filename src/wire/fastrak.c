@@ -166,28 +166,28 @@ bool gv_fastrak_error_concerns_pose(char error) {
 
 // Manual, pages 70 and 71: capital letters are tests of the electronics, small ones those below.
 const char *gv_fastrak_error_text(char error) {
-  switch (error) {
-    case ' ': return "none";
-    case 'a':
-    case 'b':
-    case 'c': return "transmitter driver out of limits in self-calibration";
-    case 'd':
-    case 'e':
-    case 'f': return "receiver gain out of limits in self-calibration";
-    case 'g': return "coil out of limits in self-calibration";
-    case 'j': return "receiver signal saturated: too near the transmitter";
-    case 'k': return "receiver signal too low: too far from the transmitter, or unplugged";
-    case 'l': return "receiver signal is zero: unplugged";
-    case 'm':
-    case 'w': return "configuration memory of the tracker";
-    case 's': return "position found anew";
-    case 't': return "compensation map of the tracker";
-    case 'v': return "no CRT sync signal";
-    case 'u': return "position outside the compensated volume";
-    case 'x': return "receiver outside the motion box";
-    case 'y': return "angles outside the allowed range";
-    default: return is_letter((uint8_t)error) ? "built-in test failed" : "no error letter";
-  }
+  static const struct {
+    const char *letters, *text;
+  } known[] = {
+    {" ", "none"},
+    {"abc", "transmitter driver out of limits in self-calibration"},
+    {"def", "receiver gain out of limits in self-calibration"},
+    {"g", "coil out of limits in self-calibration"},
+    {"j", "receiver signal saturated: too near the transmitter"},
+    {"k", "receiver signal too low: too far from the transmitter, or unplugged"},
+    {"l", "receiver signal is zero: unplugged"},
+    {"mw", "configuration memory of the tracker"},
+    {"s", "position found anew"},
+    {"t", "compensation map of the tracker"},
+    {"v", "no CRT sync signal"},
+    {"u", "position outside the compensated volume"},
+    {"x", "receiver outside the motion box"},
+    {"y", "angles outside the allowed range"},
+  };
+  for (size_t i = 0; error && i < sizeof known / sizeof *known; i++)
+    if (strchr(known[i].letters, error))
+      return known[i].text;
+  return is_letter((uint8_t)error) ? "built-in test failed" : "no error letter";
 }
 
 // ---- commands -------------------------------------------------------------------------------------

@@ -26,23 +26,16 @@ static const int64_t window_ns = 1000000000, look_ns = 50000000, needed_rest_ns 
 // Degrees; flat is 0 for all. none: this posture says nothing about the sensor.
 static const double none = -999.0;
 static double fist_deg(int sensor) {
-  switch (sensor) {
-    case GV_INDEX_MPJ:
-    case GV_MIDDLE_MPJ:
-    case GV_RING_MPJ:
-    case GV_LITTLE_MPJ: return 90.0;
-    case GV_INDEX_PIJ:
-    case GV_MIDDLE_PIJ:
-    case GV_RING_PIJ:
-    case GV_LITTLE_PIJ: return 100.0;
-    case GV_INDEX_DIJ:
-    case GV_MIDDLE_DIJ:
-    case GV_RING_DIJ:
-    case GV_LITTLE_DIJ: return 200.0 / 3.0;
-    case GV_THUMB_MPJ: return 45.0;
-    case GV_THUMB_IJ: return 60.0;
-    default: return none;
-  }
+  static const double bent_deg[3] = {90.0, 100.0, 200.0 / 3.0};
+  if (sensor == GV_THUMB_MPJ)
+    return 45.0;
+  if (sensor == GV_THUMB_IJ)
+    return 60.0;
+  for (int finger = 1; finger < GV_FINGERS; finger++)
+    for (int joint = 0; joint < 3; joint++)
+      if (gv_flexion[finger][joint] == sensor)
+        return bent_deg[joint];
+  return none;
 }
 
 // The posture that gives the sensor its second point, and the angle there; -1: there is none.

@@ -96,10 +96,43 @@ static bool check_number(double value, double min, double max, const char *what,
                 value < min ? min : max, what, min, max);
 }
 
+// A name for a file in the daemon's directory.
+static bool check_log(const char *text, char out_why[GV_REQUEST_WHY]) {
+  char said[48];
+  return is_file_name(text) ||
+         refuse(out_why, "%s: give a file name of letters, digits, . _ - and no folder", sayable(text, said));
+}
+
+// All values, or one by its name.
+static bool check_status(const char *text, char out_why[GV_REQUEST_WHY]) {
+  char said[48];
+  return !*text || is_file_name(text) ||
+         refuse(out_why, "%s: no value has such a name; gloved-command status lists them",
+                sayable(text, said));
+}
+
+static bool check_what_is_asked(const gv_request_message *message, char out_why[GV_REQUEST_WHY]) {
+  const double value = message->value;
+  switch (message->kind) {
+    case GV_REQUEST_RESET:
+    case GV_REQUEST_STOP_LOG: return true;
+    case GV_REQUEST_SCENE: return check_scene(message->text, out_why);
+    case GV_REQUEST_COUPLING:
+      return check_number(value, GV_REQUEST_COUPLING_MIN, GV_REQUEST_COUPLING_MAX, "a multiple", out_why);
+    case GV_REQUEST_FRICTION:
+      return check_number(value, 0.0, GV_REQUEST_FRICTION_MAX, "a coefficient", out_why);
+    case GV_REQUEST_START_LOG: return check_log(message->text, out_why);
+    case GV_REQUEST_TRACE:
+      return value == 0.0 || value == 1.0 || refuse(out_why, "%g is neither; give 1 or 0", value);
+    case GV_REQUEST_STATUS: return check_status(message->text, out_why);
+    default:
+      return refuse(out_why, "no command has the number %d; see data/lcm/gloved_command_t.lcm",
+                    message->kind);
+  }
+}
+
 bool gv_request_check(const gv_request_message *message, gv_request_rate *rate, int64_t now_ns,
                       gv_request *out, char out_why[GV_REQUEST_WHY]) {
-  const char *text = message->text;
-  char said[48];
   *out = (gv_request){.kind = (gv_request_kind)message->kind, .value = message->value, .tag = message->tag};
   out_why[0] = '\0';
   // whoever else sends, and how much: this one is always obeyed
@@ -107,29 +140,6 @@ bool gv_request_check(const gv_request_message *message, gv_request_rate *rate, 
     return true;
   if (is_above(rate, now_ns, GV_REQUEST_PER_SECOND))
     return refuse(out_why, "more than %d a second; send fewer", GV_REQUEST_PER_SECOND);
-  snprintf(out->text, sizeof out->text, "%s", text);
-  switch (message->kind) {
-    case GV_REQUEST_RESET:
-    case GV_REQUEST_STOP_LOG: return true;
-    case GV_REQUEST_SCENE: return check_scene(text, out_why);
-    case GV_REQUEST_COUPLING:
-      return check_number(message->value, GV_REQUEST_COUPLING_MIN, GV_REQUEST_COUPLING_MAX, "a multiple",
-                          out_why);
-    case GV_REQUEST_FRICTION:
-      return check_number(message->value, 0.0, GV_REQUEST_FRICTION_MAX, "a coefficient", out_why);
-    case GV_REQUEST_START_LOG:
-      return is_file_name(text) ||
-             refuse(out_why, "%s: give a file name of letters, digits, . _ - and no folder",
-                    sayable(text, said));
-    case GV_REQUEST_TRACE:
-      return message->value == 0.0 || message->value == 1.0 ||
-             refuse(out_why, "%g is neither; give 1 or 0", message->value);
-    case GV_REQUEST_STATUS:
-      return !*text || is_file_name(text) ||
-             refuse(out_why, "%s: no value has such a name; gloved-command status lists them",
-                    sayable(text, said));
-    default:
-      return refuse(out_why, "no command has the number %d; see data/lcm/gloved_command_t.lcm",
-                    message->kind);
-  }
+  snprintf(out->text, sizeof out->text, "%s", message->text);
+  return check_what_is_asked(message, out_why);
 }

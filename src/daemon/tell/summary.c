@@ -169,20 +169,9 @@ static void print_grasps(const gv_summary *s, FILE *out) {
   }
 }
 
-void gv_summary_print(const gv_summary *s, FILE *out) {
-  const gv_loop *loop = s->loop;
-  const gv_session *session = loop->session;
-  const gv_counters *c = gv_engine_counters(session->engine);
+static void print_time(const gv_loop *loop, FILE *out) {
   const gv_quantiles step = gv_histogram_quantiles(&loop->step);
   const gv_quantiles wake = gv_histogram_quantiles(&loop->wake);
-  fprintf(out, "gloved: %s: %" PRId64 " steps of %g ms; ended (%s) with the safety machine in %s%s%s\n",
-          s->title, gv_session_steps(session), session->cfg.period_s * 1e3, gv_exit_name(s->reason),
-          gv_safety_name(loop->state_before_stop), session->faults_seen ? "; faults on the way: " : "",
-          session->faults_seen ? gv_fault_text(session->faults_seen) : "");
-  print_places(s, out);
-  fprintf(out, "  contacts at most %" PRIu32 ", deepest %.3f mm; largest forces %.2f %.2f %.2f %.2f %.2f N\n",
-          c->contacts_max, c->depth_max_m * 1e3, session->force_max_n[0], session->force_max_n[1],
-          session->force_max_n[2], session->force_max_n[3], session->force_max_n[4]);
   fprintf(out, "  step p50 %.0f p99 %.0f p99.9 %.0f max %.0f us; wake-up p50 %.0f p99 %.0f max %.0f us\n",
           step.p50_us, step.p99_us, step.p999_us, step.max_us, wake.p50_us, wake.p99_us, wake.max_us);
   fprintf(out,
@@ -199,16 +188,35 @@ void gv_summary_print(const gv_summary *s, FILE *out) {
   if (loop->cfg.sync_device)
     fprintf(out, "  steps begun by the glove's frame %" PRIu64 ", by the own clock %" PRIu64 "\n",
             loop->on_frame, loop->on_clock);
-  fprintf(out,
-          "  frames in %" PRIu64 ", out %" PRIu64 ", lost %" PRIu64 ", bad %" PRIu64 ", late %" PRIu64 "\n",
-          session->frames.rx, session->frames.tx, session->frames.lost, session->frames.bad + s->driver.bad,
-          session->frames.late);
+}
+
+static void print_warnings(const gv_summary *s, FILE *out) {
+  const gv_session *session = s->loop->session;
   char laxer[GV_LAXER_TEXT];
   gv_settings_laxer(&session->cfg.limiter, &session->cfg.safety, laxer);
   if (*laxer)
     fprintf(out, "  protected less than by the defaults (in brackets): %s\n", laxer);
   if (s->telemetry_failed)
     fprintf(out, "  %" PRIu64 " messages were refused by LCM or the disk\n", s->telemetry_failed);
+}
+
+void gv_summary_print(const gv_summary *s, FILE *out) {
+  const gv_session *session = s->loop->session;
+  const gv_counters *c = gv_engine_counters(session->engine);
+  const gv_frame_counters *frames = &session->frames;
+  const double *force = session->force_max_n;
+  fprintf(out, "gloved: %s: %" PRId64 " steps of %g ms; ended (%s) with the safety machine in %s%s%s\n",
+          s->title, gv_session_steps(session), session->cfg.period_s * 1e3, gv_exit_name(s->reason),
+          gv_safety_name(s->loop->state_before_stop), session->faults_seen ? "; faults on the way: " : "",
+          session->faults_seen ? gv_fault_text(session->faults_seen) : "");
+  print_places(s, out);
+  fprintf(out, "  contacts at most %" PRIu32 ", deepest %.3f mm; largest forces %.2f %.2f %.2f %.2f %.2f N\n",
+          c->contacts_max, c->depth_max_m * 1e3, force[0], force[1], force[2], force[3], force[4]);
+  print_time(s->loop, out);
+  fprintf(out,
+          "  frames in %" PRIu64 ", out %" PRIu64 ", lost %" PRIu64 ", bad %" PRIu64 ", late %" PRIu64 "\n",
+          frames->rx, frames->tx, frames->lost, frames->bad + s->driver.bad, frames->late);
+  print_warnings(s, out);
   fprintf(out, "  state hash %016" PRIx64 "\n", gv_engine_hash(session->engine));
   print_grasps(s, out);
 }
