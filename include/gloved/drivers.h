@@ -15,6 +15,11 @@ extern "C" {
 // Opens descriptors 0 to 2 onto /dev/null where the program was started without them, so that no device gets
 // the number that standard output is written to. First call in main.
 void gv_keep_standard_files(void);
+// While the loop runs: what a terminal, pipe or socket has no room for is lost, so that commands, states and the end
+// of the program never wait for a reader. Regular files are as they were.
+void gv_unblock_standard_files(void);
+// After it, for the summary: whoever reads within wait_ms gets all of it again.
+void gv_block_standard_files(int wait_ms);
 
 // ---- what comes with the programs -----------------------------------------------------------------
 // The file that a user means by `path`: itself where it is there; else "data/REST" or a bare name in the

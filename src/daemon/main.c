@@ -25,7 +25,7 @@
 #include "daemon/load/world.h"
 #include "gloved/version.h"
 
-enum { OK = 0, FAULT = 1, BAD_INPUT = 2, ERROR_TEXT = 512, GIVE_UP_S = 2 };
+enum { OK = 0, FAULT = 1, BAD_INPUT = 2, ERROR_TEXT = 512, GIVE_UP_S = 2, READER_MS = 500 };
 
 typedef struct program {
   gv_options options;
@@ -369,6 +369,8 @@ static int run_loop(program *p) {
 static int run(program *p) {
   start_loop(p);
   catch_signals();
+  fflush(stdout);
+  gv_unblock_standard_files();
   gv_notify_open(&p->notify);
   gv_notify_ready(&p->notify);
   gv_view_open(&p->view, p->settings.fcu, &p->world.scene, p->settings.limiter.max_n,
@@ -380,6 +382,7 @@ static int run(program *p) {
   alarm(0);
   gv_notify_close(&p->notify);
   gv_view_close(&p->view);
+  gv_block_standard_files(READER_MS);
   if (!failed && p->loop.strict_errno) {
     fprintf(stderr,
             "gloved: --strict: this kernel takes no list of system calls for a thread (seccomp: %s); start "
