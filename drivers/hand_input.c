@@ -90,7 +90,7 @@ static void take_datagram(hand_driver *d, int i, int64_t now_ns) {
   const bool ask = in.flags & GV_HAND_INPUT_ASK;
   const bool other = is_held(d, now_ns) && !same(from, &d->holder);
   if (!ask && accepts(d, from, in.number, now_ns)) {
-    hand_motion_take(&d->motion, &in);
+    gv_hand_motion_take(&d->motion, &in);
     atomic_store_explicit(&d->heard, true, memory_order_relaxed);
   } else if (!ask) {
     d->stats.foreign++;
@@ -104,7 +104,7 @@ static void read_datagrams(hand_driver *d, int64_t now_ns) {
   const int n = recvmmsg(d->fd, d->message, BATCH, MSG_DONTWAIT, NULL);
   for (int i = 0; i < n; i++) take_datagram(d, i, now_ns);
   if (!is_held(d, now_ns) && d->heard_ns) {
-    hand_motion_leave(&d->motion);
+    gv_hand_motion_leave(&d->motion);
     d->heard_ns = 0;
   }
 }
@@ -124,8 +124,8 @@ static int poll_hand(void *self, int64_t now_ns, gv_frame *out, int max) {
   read_datagrams(d, now_ns);
   n += gv_sim_advance(&d->sim, d->made_ns, out, max);  // what did not fit the last time
   while (n < max && d->made_ns + MS_NS <= now_ns - d->start_ns) {
-    hand_motion_step(&d->motion);
-    d->sim.script.keyframe[0] = hand_motion_now(&d->motion);
+    gv_hand_motion_step(&d->motion);
+    d->sim.script.keyframe[0] = gv_hand_motion_now(&d->motion);
     d->made_ns += MS_NS;
     n += gv_sim_advance(&d->sim, d->made_ns, out + n, max - n);
   }
@@ -214,7 +214,7 @@ static int set_up(hand_driver *d, const char *url, gv_side side, char *err, size
              " or end the program that holds it", url, d->port, strerror(errno));
     return -1;
   }
-  hand_motion_init(&d->motion, &d->way);
+  gv_hand_motion_init(&d->motion, &d->way);
   d->way.side = side;
   d->way.keyframe_count = 1;
   d->way.end_s = 1e12;         // a person ends it

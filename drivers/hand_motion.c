@@ -18,21 +18,21 @@ static int finger_of(int sensor) {
   return sensor <= GV_PALM_ARCH ? 4 : -1;
 }
 
-void hand_motion_init(hand_motion *m, const gv_sim_script *way) {
+void gv_hand_motion_init(hand_motion *m, const gv_sim_script *way) {
   assert(way->keyframe_count > 0);
   memset(m, 0, sizeof *m);
   m->way = *way;
   m->target = m->T_world_wrist = way->keyframe[0].T_world_wrist;
 }
 
-void hand_motion_take(hand_motion *m, const gv_hand_input *in) {
+void gv_hand_motion_take(hand_motion *m, const gv_hand_input *in) {
   const bool home = in->flags & GV_HAND_INPUT_HOME;
   m->target = home ? m->way.keyframe[0].T_world_wrist : in->T_world_wrist;
   m->dead_man = in->flags & GV_HAND_INPUT_DEAD_MAN;
   for (int f = 0; f < GV_FINGERS; f++) m->target_grip[f] = home ? 0.0 : in->grip[f];
 }
 
-void hand_motion_leave(hand_motion *m) {
+void gv_hand_motion_leave(hand_motion *m) {
   m->dead_man = false;
   m->target = m->T_world_wrist;
   memcpy(m->target_grip, m->grip, sizeof m->target_grip);
@@ -62,7 +62,7 @@ static void step_grip(hand_motion *m, int f) {
   m->grip[f] = gv_clamp(m->grip[f] + step_s * m->grip_rate[f], 0.0, 1.0);
 }
 
-void hand_motion_step(hand_motion *m) {
+void gv_hand_motion_step(hand_motion *m) {
   step_wrist(m);
   for (int f = 0; f < GV_FINGERS; f++) step_grip(m, f);
 }
@@ -76,7 +76,7 @@ static double angle_at(const gv_sim_script *way, int sensor, double grip) {
   return a + (at - from) * (way->keyframe[to].angle_rad[sensor] - a);
 }
 
-gv_sim_keyframe hand_motion_now(const hand_motion *m) {
+gv_sim_keyframe gv_hand_motion_now(const hand_motion *m) {
   gv_sim_keyframe now = {.T_world_wrist = m->T_world_wrist, .dead_man = m->dead_man};
   for (int i = 0; i < GV_SENSORS; i++) {
     const int finger = finger_of(i);

@@ -18,14 +18,14 @@ typedef struct hand_motion {
 } hand_motion;
 
 // At the start of `way`, the hand open, the switch open.
-void hand_motion_init(hand_motion *m, const gv_sim_script *way);
+void gv_hand_motion_init(hand_motion *m, const gv_sim_script *way);
 // New targets (not those of GV_HAND_INPUT_ASK).
-void hand_motion_take(hand_motion *m, const gv_hand_input *in);
+void gv_hand_motion_take(hand_motion *m, const gv_hand_input *in);
 // Nobody is heard any more: the switch opens, and the hand stays where it is.
-void hand_motion_leave(hand_motion *m);
+void gv_hand_motion_leave(hand_motion *m);
 // One millisecond on.
-void hand_motion_step(hand_motion *m);
+void gv_hand_motion_step(hand_motion *m);
 // What the user does now.
-gv_sim_keyframe hand_motion_now(const hand_motion *m);
+gv_sim_keyframe gv_hand_motion_now(const hand_motion *m);
 
 #endif

@@ -33,6 +33,7 @@ typedef enum gv_channel_name {
   GV_CHANNEL_SENSEGLOVE_R1,  // four motors, no little finger: millinewtons, 800 at rest, about 3500
                              // active; no driver
   GV_CHANNEL_LUCIDGLOVE,     // five brakes 0..1000
+  GV_CHANNEL_DOGLOVE,        // five servos that pull the finger open with a current, mA
   GV_CHANNELS
 } gv_channel_name;
 

@@ -20,17 +20,17 @@ static void check_output(const uint8_t *data, size_t size) {
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
   static hand_motion m;
-  hand_motion_init(&m, &way);
+  gv_hand_motion_init(&m, &way);
   check_output(data, size);
   for (size_t at = 0; at + GV_HAND_INPUT_BYTES <= size; at += GV_HAND_INPUT_BYTES) {
     gv_hand_input in;
     if (!gv_hand_input_unpack(data + at, GV_HAND_INPUT_BYTES, &in)) continue;
-    hand_motion_take(&m, &in);
+    gv_hand_motion_take(&m, &in);
     for (int ms = 0; ms < 50; ms++) {
       const gv_pose before = m.T_world_wrist;
-      hand_motion_step(&m);
+      gv_hand_motion_step(&m);
       if (!(gv_norm(gv_sub(m.T_world_wrist.p, before.p)) < 0.00051)) abort();
-      const gv_sim_keyframe now = hand_motion_now(&m);
+      const gv_sim_keyframe now = gv_hand_motion_now(&m);
       if (!gv_pose_finite(now.T_world_wrist) || !(now.angle_rad[GV_INDEX_PIJ] >= 0 && now.angle_rad[GV_INDEX_PIJ] <= 1.5)) abort();
     }
   }

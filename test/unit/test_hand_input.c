@@ -75,20 +75,20 @@ static void test_targets_may_jump(void) {
   static hand_motion m, twin;
   static gv_sim_script s;
   s = way();
-  hand_motion_init(&m, &s);
+  gv_hand_motion_init(&m, &s);
   gv_hand_input in = {.flags = GV_HAND_INPUT_DEAD_MAN, .T_world_wrist = {gv_quat_axis_angle(gv_v3(0, 0, 1), 2.0), {0.5, 0.5, 0.5}}, .grip = {1, 1, 1, 1, 0.5}};
-  hand_motion_take(&m, &in);
+  gv_hand_motion_take(&m, &in);
   twin = m;
   double fastest_m_s = 0, fastest_rad_s = 0;
   for (int ms = 0; ms < 3000; ms++) {
-    const gv_sim_keyframe before = hand_motion_now(&m);
-    hand_motion_step(&m);
-    const gv_sim_keyframe now = hand_motion_now(&m);
+    const gv_sim_keyframe before = gv_hand_motion_now(&m);
+    gv_hand_motion_step(&m);
+    const gv_sim_keyframe now = gv_hand_motion_now(&m);
     fastest_m_s = fmax(fastest_m_s, 1e3 * gv_norm(gv_sub(now.T_world_wrist.p, before.T_world_wrist.p)));
     for (int i = 0; i < GV_SENSORS; i++) fastest_rad_s = fmax(fastest_rad_s, 1e3 * fabs(now.angle_rad[i] - before.angle_rad[i]));
-    hand_motion_step(&twin);
+    gv_hand_motion_step(&twin);
   }
-  const gv_sim_keyframe now = hand_motion_now(&m);
+  const gv_sim_keyframe now = gv_hand_motion_now(&m);
   printf("# at most %.2f m/s and %.1f rad/s a joint\n", fastest_m_s, fastest_rad_s);
   CHECK(fastest_m_s < 0.51 && fastest_rad_s < 10, "%g m/s, %g rad/s", fastest_m_s, fastest_rad_s);
   CHECK(gv_norm(gv_sub(now.T_world_wrist.p, in.T_world_wrist.p)) < 1e-4 && now.dead_man, "it did not arrive");
@@ -96,8 +96,8 @@ static void test_targets_may_jump(void) {
   CHECK_NEAR(now.angle_rad[GV_LITTLE_PIJ], s.keyframe[1].angle_rad[GV_LITTLE_PIJ], 1e-4);
   CHECK(memcmp(&m, &twin, sizeof m) == 0, "not the same twice");
   in.flags = GV_HAND_INPUT_HOME;
-  hand_motion_take(&m, &in);
-  for (int ms = 0; ms < 3000; ms++) hand_motion_step(&m);
+  gv_hand_motion_take(&m, &in);
+  for (int ms = 0; ms < 3000; ms++) gv_hand_motion_step(&m);
   CHECK(gv_norm(gv_sub(m.T_world_wrist.p, s.keyframe[0].T_world_wrist.p)) < 1e-4 && m.grip[0] < 1e-4 && !m.dead_man, "not at home");
 }
 
