@@ -185,7 +185,7 @@ static void read_url(cyberglove *d, const char *text, char *err, size_t err_size
   serial_url *url = &d->source.url;
   gv_serial_url_parse(url, text, err, err_size);
   gv_serial_url_choice(url, "type", types, 0);
-  d->source.port.baud = gv_serial_url_baud(url);
+  d->source.port.baud = gv_serial_url_baud(url, SERIAL_BAUD);
   d->sensors = count[gv_serial_url_choice(url, "sensors", sensors, 0)];
   d->format.wide = gv_serial_url_choice(url, "wide", no_yes, 0) == 1;
   gv_serial_url_finish(url, "serial:/dev/ttyUSB0?type=cyberglove&baud=115200&sensors=22&wide=no");

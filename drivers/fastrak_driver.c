@@ -152,7 +152,7 @@ static void read_url(fastrak *d, const char *text, char *err, size_t err_size) {
   serial_url *url = &d->source.url;
   gv_serial_url_parse(url, text, err, err_size);
   gv_serial_url_choice(url, "type", types, 0);
-  d->source.port.baud = gv_serial_url_baud(url);
+  d->source.port.baud = gv_serial_url_baud(url, SERIAL_BAUD);
   d->setup.format = (gv_fastrak_format)gv_serial_url_choice(url, "format", formats, GV_FASTRAK_BINARY);
   d->setup.hand = 1 + gv_serial_url_choice(url, "hand", hands, 1);
   d->setup.head = gv_serial_url_choice(url, "head", heads, d->setup.hand == 1 ? 0 : 1);

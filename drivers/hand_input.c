@@ -17,9 +17,9 @@
 #include "gloved/drivers.h"
 
 enum { BATCH = 8, MS_NS = 1000000 };
-static const int64_t silence_ns = 500000000;     // of the sender: then the switch opens
-static const int64_t standstill_ns = 50000000;   // of this process: what was missed is not made up for
-static const int64_t patience_ns = 2000000000;   // before the user is told that nobody moves the hand
+static const int64_t silence_ns = 500000000;    // of the sender: then the switch opens
+static const int64_t standstill_ns = 50000000;  // of this process: what was missed is not made up for
+static const int64_t patience_ns = 2000000000;  // before the user is told that nobody moves the hand
 static const char default_way[] = "data/scripts/hand.user";
 
 typedef struct hand_driver {
@@ -30,11 +30,11 @@ typedef struct hand_driver {
   gv_driver_stats stats;
   // real-time thread
   bool polled, enabled;
-  int64_t start_ns;            // the caller's time of the device's zero
-  int64_t made_ns;             // device time up to which the hand has moved
-  struct sockaddr_in holder;   // who moves the hand
-  int64_t heard_ns;            // when the holder was heard last; 0: nobody holds it
-  uint16_t number;             // of that datagram
+  int64_t start_ns;           // the caller's time of the device's zero
+  int64_t made_ns;            // device time up to which the hand has moved
+  struct sockaddr_in holder;  // who moves the hand
+  int64_t heard_ns;           // when the holder was heard last; 0: nobody holds it
+  uint16_t number;            // of that datagram
   struct mmsghdr message[BATCH];
   struct iovec part[BATCH];
   struct sockaddr_in source[BATCH];
@@ -43,7 +43,7 @@ typedef struct hand_driver {
   atomic_bool heard, damaged;
   int64_t opened_ns;
   bool told_nobody, told_damaged;
-  gv_sim_script way;           // while opening
+  gv_sim_script way;  // while opening
 } hand_driver;
 
 // ---- datagrams ------------------------------------------------------------------------------------
@@ -59,8 +59,10 @@ static bool is_held(const hand_driver *d, int64_t now_ns) {
 // The sender holds the hand from now on, or goes on holding it; a datagram that was overtaken is none.
 static bool accepts(hand_driver *d, const struct sockaddr_in *from, uint16_t number, int64_t now_ns) {
   const bool held = is_held(d, now_ns);
-  if (held && !same(from, &d->holder)) return false;
-  if (held && (uint16_t)(number - d->number - 1) >= 0x8000) return false;
+  if (held && !same(from, &d->holder))
+    return false;
+  if (held && (uint16_t)(number - d->number - 1) >= 0x8000)
+    return false;
   d->holder = *from;
   d->heard_ns = now_ns;
   d->number = number;
@@ -70,9 +72,12 @@ static bool accepts(hand_driver *d, const struct sockaddr_in *from, uint16_t num
 static void answer(hand_driver *d, const struct sockaddr_in *to, const gv_hand_input *in, bool other) {
   gv_hand_output out = {.number = in->number, .T_world_wrist = d->motion.T_world_wrist};
   uint8_t bytes[GV_HAND_OUTPUT_BYTES];
-  if (d->motion.dead_man) out.flags |= GV_HAND_OUTPUT_DEAD_MAN;
-  if (d->enabled) out.flags |= GV_HAND_OUTPUT_FORCES;
-  if (other) out.flags |= GV_HAND_OUTPUT_OTHER;
+  if (d->motion.dead_man)
+    out.flags |= GV_HAND_OUTPUT_DEAD_MAN;
+  if (d->enabled)
+    out.flags |= GV_HAND_OUTPUT_FORCES;
+  if (other)
+    out.flags |= GV_HAND_OUTPUT_OTHER;
   memcpy(out.grip, d->motion.grip, sizeof out.grip);
   memcpy(out.tension_n, gv_sim_tension(&d->sim), sizeof out.tension_n);
   gv_hand_output_pack(&out, bytes);
@@ -100,9 +105,11 @@ static void take_datagram(hand_driver *d, int i, int64_t now_ns) {
 
 // One system call; a flood waits in the kernel for the next poll.
 static void read_datagrams(hand_driver *d, int64_t now_ns) {
-  for (int i = 0; i < BATCH; i++) d->message[i].msg_hdr.msg_namelen = sizeof d->source[i];
+  for (int i = 0; i < BATCH; i++)
+    d->message[i].msg_hdr.msg_namelen = sizeof d->source[i];
   const int n = recvmmsg(d->fd, d->message, BATCH, MSG_DONTWAIT, NULL);
-  for (int i = 0; i < n; i++) take_datagram(d, i, now_ns);
+  for (int i = 0; i < n; i++)
+    take_datagram(d, i, now_ns);
   if (!is_held(d, now_ns) && d->heard_ns) {
     gv_hand_motion_leave(&d->motion);
     d->heard_ns = 0;
@@ -112,9 +119,11 @@ static void read_datagrams(hand_driver *d, int64_t now_ns) {
 // ---- frames, in the real-time thread --------------------------------------------------------------
 
 static void find_device_time(hand_driver *d, int64_t now_ns) {
-  if (!d->polled) d->start_ns = now_ns;
+  if (!d->polled)
+    d->start_ns = now_ns;
   d->polled = true;
-  if (now_ns - d->start_ns > d->made_ns + standstill_ns) d->start_ns = now_ns - d->made_ns;
+  if (now_ns - d->start_ns > d->made_ns + standstill_ns)
+    d->start_ns = now_ns - d->made_ns;
 }
 
 static int poll_hand(void *self, int64_t now_ns, gv_frame *out, int max) {
@@ -129,7 +138,8 @@ static int poll_hand(void *self, int64_t now_ns, gv_frame *out, int max) {
     d->made_ns += MS_NS;
     n += gv_sim_advance(&d->sim, d->made_ns, out + n, max - n);
   }
-  for (int i = 0; i < n; i++) out[i].stamp_ns += d->start_ns;
+  for (int i = 0; i < n; i++)
+    out[i].stamp_ns += d->start_ns;
   d->stats.rx += (uint64_t)n;
   return n;
 }
@@ -139,7 +149,8 @@ static int send_hand(void *self, const gv_frame *frame, int count) {
   gv_command_msg msg;
   for (int i = 0; i < count; i++) {
     gv_sim_receive(&d->sim, &frame[i]);
-    if (gv_fcu_unpack_command(&frame[i], &msg) == GV_FCU_OK) d->enabled = msg.flags & GV_COMMAND_ENABLE;
+    if (gv_fcu_unpack_command(&frame[i], &msg) == GV_FCU_OK)
+      d->enabled = msg.flags & GV_COMMAND_ENABLE;
   }
   d->stats.tx += (uint64_t)count;
   return 0;
@@ -150,21 +161,26 @@ static gv_driver_stats hand_stats(void *self) { return ((hand_driver *)self)->st
 
 static void close_hand(void *self) {
   hand_driver *d = self;
-  if (d->fd >= 0) close(d->fd);
+  if (d->fd >= 0)
+    close(d->fd);
   free(d);
 }
 
 static bool tell_hand(void *self, int64_t now_ns, char *out, size_t size) {
   hand_driver *d = self;
-  if (!d->opened_ns) d->opened_ns = now_ns;
+  if (!d->opened_ns)
+    d->opened_ns = now_ns;
   if (atomic_load_explicit(&d->damaged, memory_order_relaxed) && !d->told_damaged) {
     snprintf(out, size, "hand: datagrams come on port %u that are no input of a hand; see %s", d->port,
              "src/wire/hand_input.h");
     return d->told_damaged = true;
   }
-  if (atomic_load_explicit(&d->heard, memory_order_relaxed) || d->told_nobody) return false;
-  if (now_ns - d->opened_ns < patience_ns) return false;
-  snprintf(out, size, "hand: nobody moves the hand yet; start gloved-hand --port %u, or open the page", d->port);
+  if (atomic_load_explicit(&d->heard, memory_order_relaxed) || d->told_nobody)
+    return false;
+  if (now_ns - d->opened_ns < patience_ns)
+    return false;
+  snprintf(out, size, "hand: nobody moves the hand yet; start gloved-hand --port %u, or open the page",
+           d->port);
   return d->told_nobody = true;
 }
 
@@ -176,10 +192,12 @@ static const char *parse_url(char *text, const char **out_way, unsigned *out_por
   *out_port = GV_HAND_INPUT_PORT;
   if (options) {
     *options++ = '\0';
-    if (strncmp(options, "listen=", 7) != 0) return "after the ? comes listen=PORT and nothing else";
+    if (strncmp(options, "listen=", 7) != 0)
+      return "after the ? comes listen=PORT and nothing else";
     const unsigned long port = strtoul(options + 7, &end, 10);
     const bool number = options[7] >= '0' && options[7] <= '9' && !*end;
-    if (!number || port < 1 || port > 65535) return "listen wants a port, 1 to 65535";
+    if (!number || port < 1 || port > 65535)
+      return "listen wants a port, 1 to 65535";
     *out_port = (unsigned)port;
   }
   *out_way = *text ? text : default_way;
@@ -187,8 +205,8 @@ static const char *parse_url(char *text, const char **out_way, unsigned *out_por
 }
 
 static int open_socket(hand_driver *d) {
-  const struct sockaddr_in local = {.sin_family = AF_INET, .sin_port = htons((uint16_t)d->port),
-                                    .sin_addr.s_addr = htonl(INADDR_LOOPBACK)};
+  const struct sockaddr_in local = {
+    .sin_family = AF_INET, .sin_port = htons((uint16_t)d->port), .sin_addr.s_addr = htonl(INADDR_LOOPBACK)};
   for (int i = 0; i < BATCH; i++) {
     d->part[i] = (struct iovec){d->bytes[i], sizeof d->bytes[i]};
     d->message[i].msg_hdr.msg_name = &d->source[i];
@@ -208,16 +226,19 @@ static int set_up(hand_driver *d, const char *url, gv_side side, char *err, size
     snprintf(err, err_size, "--fcu %.80s: %s; write hand: or hand:?listen=PORT", url, wrong);
     return -1;
   }
-  if (gv_sim_script_load(way, &d->way, err, err_size)) return -1;
+  if (gv_sim_script_load(way, &d->way, err, err_size))
+    return -1;
   if (open_socket(d)) {
-    snprintf(err, err_size, "--fcu %.80s: cannot listen on port %u (%s); give another with hand:?listen=PORT,"
-             " or end the program that holds it", url, d->port, strerror(errno));
+    snprintf(err, err_size,
+             "--fcu %.80s: cannot listen on port %u (%s); give another with hand:?listen=PORT,"
+             " or end the program that holds it",
+             url, d->port, strerror(errno));
     return -1;
   }
   gv_hand_motion_init(&d->motion, &d->way);
   d->way.side = side;
   d->way.keyframe_count = 1;
-  d->way.end_s = 1e12;         // a person ends it
+  d->way.end_s = 1e12;  // a person ends it
   gv_sim_init(&d->sim, &d->way, NULL, 0);
   gv_sim_start(&d->sim);
   return 0;
@@ -234,7 +255,13 @@ int gv_hand_input_open(const char *url, gv_side side, gv_driver *out, char *err,
     close_hand(d);
     return -1;
   }
-  *out = (gv_driver){.self = d, .poll = poll_hand, .send = send_hand, .ended = hand_ended,
-                     .stats = hand_stats, .close = close_hand, .calls = GV_CALLS_SOCKET, .tell = tell_hand};
+  *out = (gv_driver){.self = d,
+                     .poll = poll_hand,
+                     .send = send_hand,
+                     .ended = hand_ended,
+                     .stats = hand_stats,
+                     .close = close_hand,
+                     .calls = GV_CALLS_SOCKET,
+                     .tell = tell_hand};
   return 0;
 }

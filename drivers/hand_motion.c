@@ -11,10 +11,14 @@ static const double fastest_m_s = 0.5, fastest_rad_s = 3.0, fastest_grip_s = 2.5
 
 // Which finger's grip a sensor follows; -1: none (the wrist's own joints).
 static int finger_of(int sensor) {
-  if (sensor <= GV_THUMB_ABDUCTION) return 0;
-  if (sensor <= GV_INDEX_DIJ || sensor == GV_MIDDLE_INDEX_ABDUCTION) return 1;
-  if (sensor <= GV_MIDDLE_DIJ) return 2;
-  if (sensor <= GV_RING_MIDDLE_ABDUCTION) return 3;
+  if (sensor <= GV_THUMB_ABDUCTION)
+    return 0;
+  if (sensor <= GV_INDEX_DIJ || sensor == GV_MIDDLE_INDEX_ABDUCTION)
+    return 1;
+  if (sensor <= GV_MIDDLE_DIJ)
+    return 2;
+  if (sensor <= GV_RING_MIDDLE_ABDUCTION)
+    return 3;
   return sensor <= GV_PALM_ARCH ? 4 : -1;
 }
 
@@ -29,7 +33,8 @@ void gv_hand_motion_take(hand_motion *m, const gv_hand_input *in) {
   const bool home = in->flags & GV_HAND_INPUT_HOME;
   m->target = home ? m->way.keyframe[0].T_world_wrist : in->T_world_wrist;
   m->dead_man = in->flags & GV_HAND_INPUT_DEAD_MAN;
-  for (int f = 0; f < GV_FINGERS; f++) m->target_grip[f] = home ? 0.0 : in->grip[f];
+  for (int f = 0; f < GV_FINGERS; f++)
+    m->target_grip[f] = home ? 0.0 : in->grip[f];
 }
 
 void gv_hand_motion_leave(hand_motion *m) {
@@ -64,7 +69,8 @@ static void step_grip(hand_motion *m, int f) {
 
 void gv_hand_motion_step(hand_motion *m) {
   step_wrist(m);
-  for (int f = 0; f < GV_FINGERS; f++) step_grip(m, f);
+  for (int f = 0; f < GV_FINGERS; f++)
+    step_grip(m, f);
 }
 
 // The angle on the way from open to closed, straight from keyframe to keyframe.

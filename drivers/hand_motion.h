@@ -10,9 +10,9 @@
 #include "wire/hand_input.h"
 
 typedef struct hand_motion {
-  gv_sim_script way;           // where it starts, and the keyframes from open to closed
+  gv_sim_script way;  // where it starts, and the keyframes from open to closed
   gv_pose target, T_world_wrist;
-  gv_vec3 velocity, turning;   // of the wrist, in the world
+  gv_vec3 velocity, turning;  // of the wrist, in the world
   double target_grip[GV_FINGERS], grip[GV_FINGERS], grip_rate[GV_FINGERS];
   bool dead_man;
 } hand_motion;

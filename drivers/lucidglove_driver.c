@@ -251,7 +251,7 @@ static void read_url(lucidglove *d, const char *text, char *err, size_t err_size
   serial_url *url = &d->source.url;
   gv_serial_url_parse(url, text, err, err_size);
   gv_serial_url_choice(url, "type", types, 0);
-  d->source.port.baud = gv_serial_url_baud(url);
+  d->source.port.baud = gv_serial_url_baud(url, SERIAL_BAUD);
   d->format.max = gv_serial_url_choice(url, "max", max, 0) == 0 ? 4095 : 1023;
   d->dead_man = gv_lucid_bit(letters[gv_serial_url_choice(url, "dead_man", switches, 0)]);
   d->flip = gv_serial_url_choice(url, "flip", no_yes, 0) == 1;

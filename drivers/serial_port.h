@@ -17,6 +17,7 @@
 #include <stdint.h>
 
 enum {
+  SERIAL_BAUD = 115200,      // where nothing else is said
   SERIAL_SILENCE_MS = 1000,  // without a record: the device was reset, and has forgotten its set-up
   SERIAL_RETRY_MS = 200      // between two attempts to open or to set up
 };

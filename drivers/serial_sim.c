@@ -335,6 +335,52 @@ static void receive_lucidglove(serial_sim *s, char c) {
   s->command_length = 0;
 }
 
+// ---- DOGlove --------------------------------------------------------------------------------------
+
+static void find_angles(const serial_sim *s, double encoder_deg[GV_DOGLOVE_ENCODERS],
+                        double servo_deg[GV_FINGERS]) {
+  double angle_rad[GV_SENSORS];
+  gv_sim_angles(&s->sim, angle_rad);
+  gv_doglove_encoders(angle_rad, encoder_deg, servo_deg);
+}
+
+static void send_block(serial_sim *s) {
+  gv_doglove_block block = {.time_ms = (uint16_t)(s->sim.now_ns / 1000000)};
+  double servo_deg[GV_FINGERS];
+  uint8_t byte[GV_DOGLOVE_BYTES];
+  find_angles(s, block.encoder_deg, servo_deg);
+  gv_doglove_encode(&block, byte);
+  put_record(s, byte, sizeof byte);
+}
+
+// The servos' currents as a command of tensions, so that they pull at the fingers of the model.
+static void pull_fingers(serial_sim *s) {
+  const gv_channel *channel = gv_channel_of(GV_CHANNEL_DOGLOVE);
+  gv_command_msg msg = {.counter = (uint8_t)(s->sim.command_counter + 1), .flags = GV_COMMAND_ENABLE};
+  gv_frame frame;
+  for (int f = 0; f < GV_FINGERS; f++)
+    msg.tension_n[f] = gv_channel_tension_n(channel, gv_doglove_sim_current(&s->servos, f));
+  gv_fcu_pack_command(&msg, &frame);
+  gv_sim_receive(&s->sim, &frame);
+}
+
+static void advance_servos(serial_sim *s, int64_t now_ns) {
+  double encoder_deg[GV_DOGLOVE_ENCODERS];
+  double servo_deg[GV_FINGERS];
+  find_angles(s, encoder_deg, servo_deg);
+  gv_doglove_sim_advance(&s->servos, servo_deg, now_ns);
+  pull_fingers(s);
+}
+
+static void receive_servos(serial_sim *s, uint8_t byte) {
+  uint8_t out[DOGLOVE_SIM_ANSWER];
+  const uint64_t packets = s->servos.packets;
+  const int count = gv_doglove_sim_receive(&s->servos, byte, s->sim.now_ns, out);
+  s->commands += s->servos.packets - packets;
+  if (count > 0)
+    put_record(s, out, count);
+}
+
 static void loosen_lucidglove(gv_sim_device *device) { device->watchdog_s = device->slew_n_per_s = 1e9; }
 
 // ---- all ------------------------------------------------------------------------------------------
@@ -345,8 +391,10 @@ void gv_serial_sim_receive(serial_sim *s, const uint8_t *byte, int count) {
       receive_fastrak(s, (char)byte[i]);
     else if (s->kind == SERIAL_SIM_CYBERGLOVE)
       receive_cyberglove(s, (char)byte[i]);
-    else
+    else if (s->kind == SERIAL_SIM_LUCIDGLOVE)
       receive_lucidglove(s, (char)byte[i]);
+    else if (s->kind == SERIAL_SIM_DOGLOVE_SERVOS)
+      receive_servos(s, byte[i]);
   }
 }
 
@@ -361,6 +409,7 @@ void gv_serial_sim_reset(serial_sim *s) {
   s->waits_since_ns = -1;
   s->brakes_early = 0;
   memset(s->brake, 0, sizeof s->brake);
+  gv_doglove_sim_init(&s->servos);
   put_garbage(s, 7);
 }
 
@@ -370,7 +419,9 @@ static void take_frame(serial_sim *s, const gv_frame *frame) {
     if (gv_fcu_unpack_pose(frame, &pose) == GV_FCU_OK)
       send_pose(s, &pose);
   } else if (gv_fcu_unpack_glove(frame, &s->glove) == GV_FCU_OK) {
-    if (s->kind == SERIAL_SIM_LUCIDGLOVE)
+    if (s->kind == SERIAL_SIM_DOGLOVE)
+      send_block(s);
+    else if (s->kind == SERIAL_SIM_LUCIDGLOVE)
       send_bends(s);
     else if (s->streaming)
       send_glove(s, 'S');
@@ -384,6 +435,8 @@ int gv_serial_sim_advance(serial_sim *s, int64_t now_ns, uint8_t *out, int max) 
   while ((n = gv_sim_advance(&s->sim, now_ns, frame, 16)) > 0)
     for (int i = 0; i < n; i++)
       take_frame(s, &frame[i]);
+  if (s->kind == SERIAL_SIM_DOGLOVE_SERVOS)
+    advance_servos(s, now_ns);
   n = s->out_count < max ? s->out_count : max;
   memcpy(out, s->out, (size_t)n);
   s->out_count -= n;
@@ -406,7 +459,7 @@ void gv_serial_sim_init(serial_sim *s, serial_sim_kind kind, const gv_sim_script
   s->T_tracker_world = gv_pose_inv(*T_world_tracker);
   s->random = 0x2545f4914f6cdd1dULL * (seed ? seed : 1);
   gv_sim_init(&s->sim, script, NULL, seed);
-  if (kind == SERIAL_SIM_LUCIDGLOVE)
+  if (kind == SERIAL_SIM_LUCIDGLOVE || kind == SERIAL_SIM_DOGLOVE_SERVOS)
     loosen_lucidglove(&s->sim.device);
   gv_sim_start(&s->sim);
   memcpy(s->glove.raw, s->sim.raw, sizeof s->glove.raw);

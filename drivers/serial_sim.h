@@ -9,6 +9,7 @@
 #ifndef DRIVERS_SERIAL_SIM_H
 #define DRIVERS_SERIAL_SIM_H
 
+#include "drivers/doglove_sim.h"
 #include "wire/cyberglove.h"
 #include "wire/fastrak.h"
 #include "gloved/sim.h"
@@ -18,6 +19,8 @@ typedef enum serial_sim_kind {
   SERIAL_SIM_FASTRAK,
   SERIAL_SIM_CYBERGLOVE,
   SERIAL_SIM_LUCIDGLOVE,
+  SERIAL_SIM_DOGLOVE,  // its main board
+  SERIAL_SIM_DOGLOVE_SERVOS,
   SERIAL_SIM_KINDS
 } serial_sim_kind;
 
@@ -56,6 +59,7 @@ typedef struct serial_sim {
   bool flip;  // FLIP_FORCE_FEEDBACK does not fit the glove: it brakes by 1000 - x
   uint64_t brake_lines, brakes_unasked;
   int64_t waits_since_ns;
+  doglove_sim servos;
   uint8_t out[SERIAL_SIM_OUT];  // waiting to be sent
   int out_count;
   uint64_t whole, damaged, garbage_bytes, commands, refused;  // so far

@@ -88,10 +88,12 @@ int gv_serial_url_choice(serial_url *url, const char *name, const char *const *n
   return otherwise;
 }
 
-int gv_serial_url_baud(serial_url *url) {
+const char *gv_serial_url_text(serial_url *url, const char *name) { return take_value(url, name); }
+
+int gv_serial_url_baud(serial_url *url, int otherwise) {
   const char *value = take_value(url, "baud");
   if (!value)
-    return 115200;
+    return otherwise;
   char *end;
   long baud = strtol(value, &end, 10);
   if (*end || baud < 0 || baud > 4000000 || !gv_serial_port_knows((int)baud))

@@ -23,8 +23,10 @@ typedef struct serial_url {
 void gv_serial_url_parse(serial_url *url, const char *text, char *err, size_t err_size);
 // Index of the value in `names` (null-terminated), or `otherwise` where the parameter is absent.
 int gv_serial_url_choice(serial_url *url, const char *name, const char *const *names, int otherwise);
-// A speed that termios knows; 115200 where absent.
-int gv_serial_url_baud(serial_url *url);
+// A speed that termios knows, or `otherwise` where absent.
+int gv_serial_url_baud(serial_url *url, int otherwise);
+// The value as it stands; null where the parameter is absent.
+const char *gv_serial_url_text(serial_url *url, const char *name);
 // One line "URL: what; what to do"; the first one stays. Returns -1.
 int gv_serial_url_fail(serial_url *url, const char *format, ...) __attribute__((format(printf, 2, 3)));
 // 0 where all went well and no parameter is left over. example: a URL that would be right.

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // serialsim: a simulated FASTRAK, CyberGlove or LucidGlove behind a pseudo-terminal, in real time.
 //
-//   serialsim fastrak|cyberglove|lucidglove [--script FILE] [--device best|real|NAME=VALUE]
+//   serialsim fastrak|cyberglove|lucidglove|doglove|doglove_servos [--script FILE] [--device best|real|NAME=VALUE]
 //             [--sensors 18|22] [--seed N] [--garbage P] [--gap P] [--noise P] [--reset S] [--unplug S]
 //             [--link PATH] [--config FILE] [--duration S]
 //
@@ -29,7 +29,7 @@
 static const char help_text[] =
     "serialsim: a simulated FASTRAK, CyberGlove or LucidGlove behind a pseudo-terminal, in real time.\n"
     "\n"
-    "  serialsim fastrak|cyberglove|lucidglove [OPTION VALUE...]\n"
+    "  serialsim fastrak|cyberglove|lucidglove|doglove|doglove_servos [OPTION VALUE...]\n"
     "  --script FILE        what the user does (power_box), over and over\n"
     "  --device best|real|NAME=VALUE       the device and its defects (include/gloved/sim.h)\n"
     "  --sensors 18|22      of the CyberGlove\n"
@@ -49,7 +49,9 @@ enum { PERIOD_NS = 1000000, OUT_NS = 500000000, BYTES = 4096 };
 
 static const char *const kinds[SERIAL_SIM_KINDS] = {[SERIAL_SIM_FASTRAK] = "fastrak",
                                                     [SERIAL_SIM_CYBERGLOVE] = "cyberglove",
-                                                    [SERIAL_SIM_LUCIDGLOVE] = "lucidglove"};
+                                                    [SERIAL_SIM_LUCIDGLOVE] = "lucidglove",
+                                                    [SERIAL_SIM_DOGLOVE] = "doglove",
+                                                    [SERIAL_SIM_DOGLOVE_SERVOS] = "doglove_servos"};
 
 typedef struct options {
   serial_sim_kind kind;
@@ -271,6 +273,12 @@ static void report(const serial_sim *s) {
           "serialsim: %llu records whole, %llu damaged, %llu bytes of garbage, %llu commands, %llu refused\n",
           (unsigned long long)s->whole, (unsigned long long)s->damaged, (unsigned long long)s->garbage_bytes,
           (unsigned long long)s->commands, (unsigned long long)s->refused);
+  if (s->kind == SERIAL_SIM_DOGLOVE_SERVOS) {
+    const int *most = s->servos.current_max_ma;
+    fprintf(stderr, "serialsim: largest currents %d %d %d %d %d mA, %llu watchdogs, %llu writes refused\n",
+            most[0], most[1], most[2], most[3], most[4], (unsigned long long)s->servos.trips,
+            (unsigned long long)s->servos.refused);
+  }
   if (s->kind != SERIAL_SIM_LUCIDGLOVE)
     return;
   const int *max = s->brake_max;

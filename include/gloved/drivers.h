@@ -153,6 +153,15 @@ int gv_cyberglove_open(const char *url, const gv_calibration *cal, gv_side side,
 int gv_lucidglove_open(const char *url, const gv_calibration *cal, gv_side side, gv_driver *out, char *err,
                        size_t err_size);
 
+// "serial:DEVICE?type=doglove&servos=DEVICE[&baud=921600&dead_man=DEVICE]": a DOGlove, its main board's line and that of its
+// servos (3 Mbit/s): GLOVE frames from both, no older than the older one; FORCE_COMMAND frames to five currents, which pull a
+// finger to where `cal` has the open hand and no further. dead_man: an input device (evdev: a foot pedal, a button) any key of
+// which is the switch while it is held; without one no force leaves. Zero currents follow from a command without ENABLE or one
+// that does not decode, at once; from 5 ms without a command or a poll; from closing, which also switches the torque off. After
+// SIGKILL the servos' Bus Watchdog stops them, 20 ms later. Cost: a poll 3 us, with a burst 10.
+int gv_doglove_open(const char *url, const gv_calibration *cal, gv_side side, gv_driver *out, char *err,
+                    size_t err_size);
+
 // What a serial driver has seen. Any thread but for the counts, which belong to the thread that polls.
 typedef struct gv_serial_report {
   bool connected;                // the device was set up and its records are read

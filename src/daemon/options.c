@@ -185,6 +185,7 @@ const char *gv_options_help(void) {
          "                      udp://HOST:PORT?listen=PORT  CAN frames in UDP (cannelloni)\n"
          "                      serial:DEV?type=cyberglove  a bare glove, without forces; with --tracker\n"
          "                      serial:DEV?type=lucidglove  a glove with five brakes; with --tracker\n"
+         "                      serial:DEV?type=doglove&servos=DEV  five servos; with --tracker\n"
          "  --tracker URL     a tracker of its own; otherwise the poses come with the frames:\n"
          "                      serial:DEV?type=fastrak     Polhemus FASTRAK, receiver 1 head, 2 hand\n"
          "  --rate HZ         periods per second, 100 to 10000 (1000)\n"

@@ -15,16 +15,16 @@ typedef struct place {
   double zero_deg, sign;
 } place;
 static const place bends[GV_DOGLOVE_ENCODERS] = {
-  {GV_THUMB_IJ, 90, 1},   {GV_THUMB_MPJ, 270, -1},  {NONE, 180, 1}, {GV_THUMB_ABDUCTION, 270, -1},
-  {GV_INDEX_DIJ, 90, 1},  {GV_INDEX_PIJ, 270, -1},  {NONE, 180, -1},
-  {GV_MIDDLE_DIJ, 90, 1}, {GV_MIDDLE_PIJ, 270, -1}, {NONE, 180, -1},
-  {GV_RING_DIJ, 90, 1},   {GV_RING_PIJ, 270, -1},   {NONE, 180, -1},
-  {GV_LITTLE_DIJ, 90, 1}, {GV_LITTLE_PIJ, 270, -1}, {NONE, 180, -1}};
+  {GV_THUMB_IJ, 90, 1},     {GV_THUMB_MPJ, 270, -1}, {NONE, 180, 1},           {GV_THUMB_ABDUCTION, 270, -1},
+  {GV_INDEX_DIJ, 90, 1},    {GV_INDEX_PIJ, 270, -1}, {NONE, 180, -1},          {GV_MIDDLE_DIJ, 90, 1},
+  {GV_MIDDLE_PIJ, 270, -1}, {NONE, 180, -1},         {GV_RING_DIJ, 90, 1},     {GV_RING_PIJ, 270, -1},
+  {NONE, 180, -1},          {GV_LITTLE_DIJ, 90, 1},  {GV_LITTLE_PIJ, 270, -1}, {NONE, 180, -1}};
 // Splits of index to little finger, positive towards the thumb, and the spread between each and the next.
 static const int splits[4] = {6, 9, 12, 15};
 static const int spreads[3] = {GV_MIDDLE_INDEX_ABDUCTION, GV_RING_MIDDLE_ABDUCTION, GV_LITTLE_RING_ABDUCTION};
 static const double servo_zero_deg[GV_FINGERS] = {182.2, 165.2, 150.29, 151.44, 145.9};
-static const int servo_sensor[GV_FINGERS] = {GV_THUMB_ROTATE, GV_INDEX_MPJ, GV_MIDDLE_MPJ, GV_RING_MPJ, GV_LITTLE_MPJ};
+static const int servo_sensor[GV_FINGERS] = {GV_THUMB_ROTATE, GV_INDEX_MPJ, GV_MIDDLE_MPJ, GV_RING_MPJ,
+                                             GV_LITTLE_MPJ};
 static const double deg = GV_PI / 180.0;
 
 static uint32_t get_word(const uint8_t *byte, int word) {
@@ -33,22 +33,27 @@ static uint32_t get_word(const uint8_t *byte, int word) {
 }
 
 static void put_word(uint8_t *byte, int word, uint32_t value) {
-  for (int i = 0; i < 4; i++) byte[4 * word + i] = (uint8_t)(value >> (8 * i));
+  for (int i = 0; i < 4; i++)
+    byte[4 * word + i] = (uint8_t)(value >> (8 * i));
 }
 
 static uint32_t sum_of(const uint8_t *byte) {
   uint32_t sum = 0;
-  for (int word = AT_REFERENCE; word < AT_SUM; word++) sum += get_word(byte, word);
+  for (int word = AT_REFERENCE; word < AT_SUM; word++)
+    sum += get_word(byte, word);
   return sum & 0xFFFF;
 }
 
 int gv_doglove_scan(const void *format, const uint8_t *byte, int count) {
   (void)format;
   const int known = count < 4 ? count : 4;
-  if (memcmp(byte, header, (size_t)known) != 0) return -1;
-  if (count < GV_DOGLOVE_BYTES) return 0;
+  if (memcmp(byte, header, (size_t)known) != 0)
+    return -1;
+  if (count < GV_DOGLOVE_BYTES)
+    return 0;
   const uint32_t reference_uv = get_word(byte, AT_REFERENCE);
-  if (reference_uv < reference_min_uv || reference_uv > reference_max_uv) return -1;
+  if (reference_uv < reference_min_uv || reference_uv > reference_max_uv)
+    return -1;
   return get_word(byte, AT_SUM) >> 16 == sum_of(byte) ? GV_DOGLOVE_BYTES : -1;
 }
 
@@ -84,9 +89,12 @@ void gv_doglove_angles(const double encoder_deg[GV_DOGLOVE_ENCODERS], const doub
                        double out_rad[GV_SENSORS]) {
   memset(out_rad, 0, GV_SENSORS * sizeof *out_rad);
   for (int i = 0; i < GV_DOGLOVE_ENCODERS; i++)
-    if (bends[i].sensor != NONE) out_rad[bends[i].sensor] = deg * bends[i].sign * (encoder_deg[i] - bends[i].zero_deg);
-  for (int k = 0; k < 3; k++) out_rad[spreads[k]] = split_rad(encoder_deg, k) - split_rad(encoder_deg, k + 1);
-  for (int f = 0; f < GV_FINGERS; f++) out_rad[servo_sensor[f]] = deg * (servo_deg[f] - servo_zero_deg[f]);
+    if (bends[i].sensor != NONE)
+      out_rad[bends[i].sensor] = deg * bends[i].sign * (encoder_deg[i] - bends[i].zero_deg);
+  for (int k = 0; k < 3; k++)
+    out_rad[spreads[k]] = split_rad(encoder_deg, k) - split_rad(encoder_deg, k + 1);
+  for (int f = 0; f < GV_FINGERS; f++)
+    out_rad[servo_sensor[f]] = deg * (servo_deg[f] - servo_zero_deg[f]);
 }
 
 double gv_doglove_servo_deg(int finger, double angle_rad) { return servo_zero_deg[finger] + angle_rad / deg; }
@@ -94,7 +102,8 @@ double gv_doglove_servo_deg(int finger, double angle_rad) { return servo_zero_de
 // The middle finger's split is 0.
 static void spread_encoders(const double angle_rad[GV_SENSORS], double out_encoder_deg[GV_DOGLOVE_ENCODERS]) {
   const double ring = -angle_rad[GV_RING_MIDDLE_ABDUCTION];
-  const double split[4] = {angle_rad[GV_MIDDLE_INDEX_ABDUCTION], 0.0, ring, ring - angle_rad[GV_LITTLE_RING_ABDUCTION]};
+  const double split[4] = {angle_rad[GV_MIDDLE_INDEX_ABDUCTION], 0.0, ring,
+                           ring - angle_rad[GV_LITTLE_RING_ABDUCTION]};
   for (int k = 0; k < 4; k++) {
     const place *p = &bends[splits[k]];
     out_encoder_deg[splits[k]] = p->zero_deg + p->sign * split[k] / deg;
@@ -108,5 +117,6 @@ void gv_doglove_encoders(const double angle_rad[GV_SENSORS], double out_encoder_
     out_encoder_deg[i] = bends[i].zero_deg + bends[i].sign * angle / deg;
   }
   spread_encoders(angle_rad, out_encoder_deg);
-  for (int f = 0; f < GV_FINGERS; f++) out_servo_deg[f] = gv_doglove_servo_deg(f, angle_rad[servo_sensor[f]]);
+  for (int f = 0; f < GV_FINGERS; f++)
+    out_servo_deg[f] = gv_doglove_servo_deg(f, angle_rad[servo_sensor[f]]);
 }

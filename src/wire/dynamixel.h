@@ -17,8 +17,13 @@
 enum { GV_DYNAMIXEL_BYTES = 96, GV_DYNAMIXEL_PARAMETERS = 64, GV_DYNAMIXEL_ALL = 0xFE };
 
 // Instructions, and addresses of the control table with their size in bytes.
-enum { GV_DYNAMIXEL_READ = 0x02, GV_DYNAMIXEL_WRITE = 0x03, GV_DYNAMIXEL_STATUS = 0x55, GV_DYNAMIXEL_SYNC_READ = 0x82,
-       GV_DYNAMIXEL_SYNC_WRITE = 0x83 };
+enum {
+  GV_DYNAMIXEL_READ = 0x02,
+  GV_DYNAMIXEL_WRITE = 0x03,
+  GV_DYNAMIXEL_STATUS = 0x55,
+  GV_DYNAMIXEL_SYNC_READ = 0x82,
+  GV_DYNAMIXEL_SYNC_WRITE = 0x83
+};
 enum {
   GV_DYNAMIXEL_RETURN_DELAY = 9,     // 1, kept when switched off: 2 us
   GV_DYNAMIXEL_MODE = 11,            // 1, kept: 5 is position with a bound on the current

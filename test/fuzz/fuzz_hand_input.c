@@ -9,13 +9,17 @@
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
 
-static const gv_sim_script way = {.keyframe_count = 2, .keyframe = {{.T_world_wrist = {{1, 0, 0, 0}, {0, 0, 0}}}, {.angle_rad = {[GV_INDEX_PIJ] = 1.5}}}};
+static const gv_sim_script way = {
+  .keyframe_count = 2,
+  .keyframe = {{.T_world_wrist = {{1, 0, 0, 0}, {0, 0, 0}}}, {.angle_rad = {[GV_INDEX_PIJ] = 1.5}}}};
 
 static void check_output(const uint8_t *data, size_t size) {
   gv_hand_output out;
-  if (!gv_hand_output_unpack(data, size, &out)) return;
+  if (!gv_hand_output_unpack(data, size, &out))
+    return;
   for (int f = 0; f < GV_FINGERS; f++)
-    if (!isfinite(out.tension_n[f])) abort();
+    if (!isfinite(out.tension_n[f]))
+      abort();
 }
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
@@ -24,14 +28,18 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
   check_output(data, size);
   for (size_t at = 0; at + GV_HAND_INPUT_BYTES <= size; at += GV_HAND_INPUT_BYTES) {
     gv_hand_input in;
-    if (!gv_hand_input_unpack(data + at, GV_HAND_INPUT_BYTES, &in)) continue;
+    if (!gv_hand_input_unpack(data + at, GV_HAND_INPUT_BYTES, &in))
+      continue;
     gv_hand_motion_take(&m, &in);
     for (int ms = 0; ms < 50; ms++) {
       const gv_pose before = m.T_world_wrist;
       gv_hand_motion_step(&m);
-      if (!(gv_norm(gv_sub(m.T_world_wrist.p, before.p)) < 0.00051)) abort();
+      if (!(gv_norm(gv_sub(m.T_world_wrist.p, before.p)) < 0.00051))
+        abort();
       const gv_sim_keyframe now = gv_hand_motion_now(&m);
-      if (!gv_pose_finite(now.T_world_wrist) || !(now.angle_rad[GV_INDEX_PIJ] >= 0 && now.angle_rad[GV_INDEX_PIJ] <= 1.5)) abort();
+      if (!gv_pose_finite(now.T_world_wrist) ||
+          !(now.angle_rad[GV_INDEX_PIJ] >= 0 && now.angle_rad[GV_INDEX_PIJ] <= 1.5))
+        abort();
     }
   }
   return 0;

@@ -86,6 +86,7 @@ def wires():
     put("cannelloni", "frames", struct.pack(">BBBH", 2, 0, 35, len(frames)) + packed)
     for kind in range(6):
         put("serial", str(kind), bytes((kind,)) + random.Random(kind).randbytes(60))
+    put("doglove", "servo", bytes.fromhex("fffffd0001080055 00a6000000 8cc0 fffffd0001090003 7400 00020000 ca89".replace(" ", "")))
     put("hand_input", "right", b"GVHI\1\1\1\0" + struct.pack("<12f", 0.1, -0.2, 0.3, 1, 0, 0, 0, 0, 0.25, 0.5, 0.75, 1))
     put("lucid", "line", b"A100B200C300D4000E4095F2048G2048J\n")
     put("classic", "parts", b"".join(struct.pack("<HBB8s", 0x111 + i, 8, 0, bytes((7, *range(i, i + 7)))) for i in range(6)))

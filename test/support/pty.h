@@ -6,6 +6,7 @@
 
 #include <errno.h>
 #include <fcntl.h>
+#include <stdint.h>
 #include <string.h>
 #include <sys/stat.h>
 #include <termios.h>
@@ -20,7 +21,7 @@ typedef struct pty {
 
 static inline void pty_plug(pty *p) {
   struct termios t;
-  snprintf(p->link, sizeof p->link, "/tmp/gloved-pty-%d", (int)getpid());
+  snprintf(p->link, sizeof p->link, "/tmp/gloved-pty-%d-%d", (int)getpid(), (int)((uintptr_t)p % 1000003));
   p->master = posix_openpt(O_RDWR | O_NOCTTY | O_NONBLOCK);
   CHECK(p->master >= 0 && grantpt(p->master) == 0 && unlockpt(p->master) == 0, "no pseudo-terminal");
   const char *name = ptsname(p->master);

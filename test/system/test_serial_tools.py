@@ -8,6 +8,7 @@ import os
 import pty
 import re
 import select
+import struct
 import subprocess
 import sys
 import tempfile
@@ -336,6 +337,35 @@ def brake_the_fingers_of_a_lucidglove(summary):
     assert max(brakes) >= 0.3 * max(full), (brakes, full)
 
 
+def daemon_pulls_with_a_doglove():
+    judge_on_a_machine_that_runs(pull_with_a_doglove)
+
+
+def pull_with_a_doglove(summary):
+    """Pressed onto the table, a foot on the pedal: the currents that arrive are those of the forces that left."""
+    script = path("press.user", PRESS)
+    board, servos, tracker = (Sim(kind, "--script", script) for kind in ("doglove", "doglove_servos", "fastrak"))
+    conf = path("doglove.conf", "version = 1;\nsafety = { max_age_s = 0.2; overrun_limit = 100; };\nlimiter = { max_age_s = 0.2; };\n")
+    pedal = path(f"pedal{time.monotonic_ns()}")
+    os.mkfifo(pedal)
+    foot = os.open(pedal, os.O_RDWR)
+    threading.Timer(1.6, lambda: os.write(foot, struct.pack("qqHHi", 0, 0, 1, 57, 1))).start()  # EV_KEY, space, pressed
+    result = run(GLOVED, "--config", conf, "--fcu", f"serial:{board.link}?type=doglove&servos={servos.link}&dead_man={pedal}",
+                 "--tracker", f"serial:{tracker.link}?type=fastrak", "--duration", "5", "--lcm", "none", "--no-rt", "--strict", "--summary", summary)
+    os.close(foot)
+    _, servo_report, _ = board.end(), servos.end(), tracker.end()
+    assert result.returncode == 0, result
+    with open(summary) as file:
+        report = json.load(file)
+    largest = [int(ma) for ma in re.search(r"largest currents ([\d ]+) mA, \d+ watchdogs", servo_report).group(1).split()]
+    print(" ", servo_report.strip().splitlines()[-1])
+    force = report["force_max_n"]
+    assert report["state"] == "active" and 0.5 < max(force) <= 3.3 + 1e-9 and report["rt_heap_calls"] == 0, report
+    # The script bends the thumb beyond the joint that its servo turns: open there, so it is not pulled.
+    full = [n / 3.3 * 700 for n in force]
+    assert all(ma <= f + 1e-3 for ma, f in zip(largest, full)) and max(largest[1:]) >= 0.3 * max(full[1:]) and largest[0] == 0, (largest, full)
+
+
 def serialsim_refuses():
     for word, options in [("which device", []), ("unknown device", ["keyboard"]), ("18 or 22", ["cyberglove", "--sensors", "20"]),
                           ("number from 0 to 1", ["fastrak", "--gap", "2"]), ("no value", ["fastrak", "--gap"]),
@@ -345,9 +375,10 @@ def serialsim_refuses():
         assert result.returncode == 2 and word in result.stderr and len(result.stderr.splitlines()) <= 2, result
 
 
-# The daemon's two alone, one after the other, since they run in real time; the others side by side: they wait.
+# The daemon's alone, one after the other, since they run in real time; the others side by side: they wait.
 test(daemon_grasps_with_serial_devices)
 test(daemon_brakes_the_fingers_of_a_lucidglove)
+test(daemon_pulls_with_a_doglove)
 with concurrent.futures.ThreadPoolExecutor(max_workers=2) as pool:
     list(pool.map(test, (calibrate_walks_a_person_through, calibrate_a_bare_glove_with_18_sensors, calibrate_without_questions,
                          calibrate_refuses, serialsim_refuses)))

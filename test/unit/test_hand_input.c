@@ -11,17 +11,21 @@
 #include "gloved/drivers.h"
 #include "support/check.h"
 
-static void put_float(uint8_t *out, float value) { memcpy(out, &value, 4); }  // the test runs on little-endian machines
+static void put_float(uint8_t *out, float value) {
+  memcpy(out, &value, 4);
+}  // the test runs on little-endian machines
 
 // 56 bytes after the layout in wire/hand_input.h: wrist (0.1, -0.2, 0.3), turned by 90 degrees about x, grips
 // 0 to 1.
 static void lay_out(uint8_t out[56], uint8_t flags, uint16_t number) {
-  static const float value[12] = {0.1f, -0.2f, 0.3f, 0.70710678f, 0.70710678f, 0, 0, 0, 0.25f, 0.5f, 0.75f, 1};
+  static const float value[12] = {0.1f, -0.2f, 0.3f,  0.70710678f, 0.70710678f, 0,
+                                  0,    0,     0.25f, 0.5f,        0.75f,       1};
   memcpy(out, "GVHI\1", 5);
   out[5] = flags;
   out[6] = (uint8_t)number;
   out[7] = (uint8_t)(number >> 8);
-  for (int i = 0; i < 12; i++) put_float(out + 8 + 4 * i, value[i]);
+  for (int i = 0; i < 12; i++)
+    put_float(out + 8 + 4 * i, value[i]);
 }
 
 static void test_datagrams_are_as_the_header_says(void) {
@@ -49,7 +53,8 @@ static void test_what_cannot_be_is_refused(void) {
   uint8_t byte[57] = {0};
   gv_hand_input in;
   lay_out(byte, 0, 1);
-  CHECK(!gv_hand_input_unpack(byte, 55, &in) && !gv_hand_input_unpack(byte, 57, &in), "another length is taken");
+  CHECK(!gv_hand_input_unpack(byte, 55, &in) && !gv_hand_input_unpack(byte, 57, &in),
+        "another length is taken");
   for (int at = 0; at < 5; at++) {
     lay_out(byte, 0, 1);
     byte[at] ^= 1;
@@ -76,7 +81,9 @@ static void test_targets_may_jump(void) {
   static gv_sim_script s;
   s = way();
   gv_hand_motion_init(&m, &s);
-  gv_hand_input in = {.flags = GV_HAND_INPUT_DEAD_MAN, .T_world_wrist = {gv_quat_axis_angle(gv_v3(0, 0, 1), 2.0), {0.5, 0.5, 0.5}}, .grip = {1, 1, 1, 1, 0.5}};
+  gv_hand_input in = {.flags = GV_HAND_INPUT_DEAD_MAN,
+                      .T_world_wrist = {gv_quat_axis_angle(gv_v3(0, 0, 1), 2.0), {0.5, 0.5, 0.5}},
+                      .grip = {1, 1, 1, 1, 0.5}};
   gv_hand_motion_take(&m, &in);
   twin = m;
   double fastest_m_s = 0, fastest_rad_s = 0;
@@ -85,7 +92,8 @@ static void test_targets_may_jump(void) {
     gv_hand_motion_step(&m);
     const gv_sim_keyframe now = gv_hand_motion_now(&m);
     fastest_m_s = fmax(fastest_m_s, 1e3 * gv_norm(gv_sub(now.T_world_wrist.p, before.T_world_wrist.p)));
-    for (int i = 0; i < GV_SENSORS; i++) fastest_rad_s = fmax(fastest_rad_s, 1e3 * fabs(now.angle_rad[i] - before.angle_rad[i]));
+    for (int i = 0; i < GV_SENSORS; i++)
+      fastest_rad_s = fmax(fastest_rad_s, 1e3 * fabs(now.angle_rad[i] - before.angle_rad[i]));
     gv_hand_motion_step(&twin);
   }
   const gv_sim_keyframe now = gv_hand_motion_now(&m);
@@ -97,8 +105,11 @@ static void test_targets_may_jump(void) {
   CHECK(memcmp(&m, &twin, sizeof m) == 0, "not the same twice");
   in.flags = GV_HAND_INPUT_HOME;
   gv_hand_motion_take(&m, &in);
-  for (int ms = 0; ms < 3000; ms++) gv_hand_motion_step(&m);
-  CHECK(gv_norm(gv_sub(m.T_world_wrist.p, s.keyframe[0].T_world_wrist.p)) < 1e-4 && m.grip[0] < 1e-4 && !m.dead_man, "not at home");
+  for (int ms = 0; ms < 3000; ms++)
+    gv_hand_motion_step(&m);
+  CHECK(gv_norm(gv_sub(m.T_world_wrist.p, s.keyframe[0].T_world_wrist.p)) < 1e-4 && m.grip[0] < 1e-4 &&
+            !m.dead_man,
+        "not at home");
 }
 
 // ---- the driver -----------------------------------------------------------------------------------
@@ -108,7 +119,8 @@ static gv_driver driver;
 static int64_t now_ns;
 
 static int sender(void) {
-  const struct sockaddr_in to = {.sin_family = AF_INET, .sin_port = htons(PORT), .sin_addr.s_addr = htonl(INADDR_LOOPBACK)};
+  const struct sockaddr_in to = {
+    .sin_family = AF_INET, .sin_port = htons(PORT), .sin_addr.s_addr = htonl(INADDR_LOOPBACK)};
   const int fd = socket(AF_INET, SOCK_DGRAM | SOCK_NONBLOCK, 0);
   CHECK(connect(fd, (const struct sockaddr *)&to, sizeof to) == 0, "no socket");
   return fd;
@@ -127,7 +139,8 @@ static int answer_of(int fd) {
   int flags = -1;
   ssize_t n;
   while ((n = recv(fd, byte, sizeof byte, 0)) > 0)
-    if (gv_hand_output_unpack(byte, (size_t)n, &out)) flags = out.flags;
+    if (gv_hand_output_unpack(byte, (size_t)n, &out))
+      flags = out.flags;
   return flags;
 }
 
@@ -142,7 +155,8 @@ static int poll_ms(int ms, bool *out_held) {
     for (int k = 0; k < n; k++) {
       gv_glove_msg msg;
       CHECK(frame[k].stamp_ns <= now_ns, "a stamp in the future");
-      if (gv_fcu_unpack_glove(&frame[k], &msg) != GV_FCU_OK) continue;
+      if (gv_fcu_unpack_glove(&frame[k], &msg) != GV_FCU_OK)
+        continue;
       gloves++;
       *out_held = msg.flags & GV_GLOVE_DEAD_MAN;
     }
@@ -200,26 +214,33 @@ static void test_what_is_wrong_is_told_once(void) {
   open_driver();
   const int me = sender();
   CHECK(!driver.tell(driver.self, now_ns, said, sizeof said), "told at once: %s", said);
-  CHECK(driver.tell(driver.self, now_ns + 2500000000, said, sizeof said) && strstr(said, "gloved-hand --port 28511"), "%s", said);
+  CHECK(driver.tell(driver.self, now_ns + 2500000000, said, sizeof said) &&
+            strstr(said, "gloved-hand --port 28511"),
+        "%s", said);
   CHECK(!driver.tell(driver.self, now_ns + 5000000000, said, sizeof said), "told twice: %s", said);
   CHECK(send(me, "garbage", 7, 0) == 7, "not sent");
   poll_ms(2, &held);
-  CHECK(driver.tell(driver.self, now_ns, said, sizeof said) && strstr(said, "no input of a hand"), "%s", said);
+  CHECK(driver.tell(driver.self, now_ns, said, sizeof said) && strstr(said, "no input of a hand"), "%s",
+        said);
   CHECK(driver.stats(driver.self).bad == 1 && answer_of(me) == -1, "garbage was answered");
   close(me);
   driver.close(driver.self);
 }
 
 static void test_urls(void) {
-  static const char *const wrong[] = {"hand:?listen=0", "hand:?listen=70000", "hand:?listen=", "hand:?port=1", "hand:?listen=2x", "hand:no.user"};
+  static const char *const wrong[] = {"hand:?listen=0", "hand:?listen=70000", "hand:?listen=",
+                                      "hand:?port=1",   "hand:?listen=2x",    "hand:no.user"};
   char err[300];
   for (size_t i = 0; i < sizeof wrong / sizeof *wrong; i++) {
     gv_driver none;
-    CHECK(gv_hand_input_open(wrong[i], GV_RIGHT, &none, err, sizeof err) < 0 && strstr(err, "; "), "%s: %s", wrong[i], err);
+    CHECK(gv_hand_input_open(wrong[i], GV_RIGHT, &none, err, sizeof err) < 0 && strstr(err, "; "), "%s: %s",
+          wrong[i], err);
   }
   open_driver();
   gv_driver second;
-  CHECK(gv_hand_input_open("hand:?listen=28511", GV_RIGHT, &second, err, sizeof err) < 0 && strstr(err, "give another"), "%s", err);
+  CHECK(gv_hand_input_open("hand:?listen=28511", GV_RIGHT, &second, err, sizeof err) < 0 &&
+            strstr(err, "give another"),
+        "%s", err);
   driver.close(driver.self);
 }
 

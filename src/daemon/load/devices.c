@@ -48,17 +48,22 @@ static int open_glove(const char *url, const gv_settings *settings, gv_driver *o
   if (has_type(url, "lucidglove"))
     return gv_lucidglove_open(url, &settings->engine.calibration, settings->engine.hand.side, out, err,
                               err_size);
+  if (has_type(url, "doglove"))
+    return gv_doglove_open(url, &settings->engine.calibration, settings->engine.hand.side, out, err,
+                           err_size);
   snprintf(err, err_size,
            has_type(url, "fastrak")
                ? "--fcu %s: this is a tracker; give it as --tracker"
-               : "--fcu %s: no type of device; write serial:DEVICE?type=cyberglove or type=lucidglove",
+               : "--fcu %s: no type of device; write serial:DEVICE?type=cyberglove, lucidglove or doglove",
            url);
   return -1;
 }
 
 const gv_channel *gv_fcu_channel(const char *url) {
-  const bool lucid = starts_with(url, "serial:") && has_type(url, "lucidglove");
-  return gv_channel_of(lucid ? GV_CHANNEL_LUCIDGLOVE : GV_CHANNEL_CYBERGRASP);
+  const bool serial = starts_with(url, "serial:");
+  if (serial && has_type(url, "lucidglove"))
+    return gv_channel_of(GV_CHANNEL_LUCIDGLOVE);
+  return gv_channel_of(serial && has_type(url, "doglove") ? GV_CHANNEL_DOGLOVE : GV_CHANNEL_CYBERGRASP);
 }
 
 int gv_fcu_open(const gv_settings *settings, gv_driver *out, gv_pace *out_pace, char *err, size_t err_size) {

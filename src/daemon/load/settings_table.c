@@ -54,7 +54,7 @@ static const gv_setting process[] = {
   PROCESS("", "scene", GV_SETTING_TEXT_OF, scene, 0, 0, ""),
   PROCESS("", "fcu", GV_SETTING_TEXT_OF, fcu, 0, 0,
           "sim: | hand: | trace:FILE | udp://HOST:PORT?listen=PORT | can:IFACE |\n"
-          "serial:DEVICE?type=cyberglove|lucidglove"),
+          "serial:DEVICE?type=cyberglove|lucidglove|doglove"),
   PROCESS("", "tracker", GV_SETTING_TEXT_OF, tracker, 0, 0,
           "empty: the wrist's pose comes with the fcu; serial:DEVICE?type=fastrak"),
   PROCESS("", "lcm", GV_SETTING_TEXT_OF, lcm, 0, 0, "ttl=0 stays on this machine; \"none\": publish nothing"),
