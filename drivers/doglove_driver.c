@@ -1,15 +1,17 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// A DOGlove as a driver: its main board's blocks and its servos' positions become GLOVE frames, FORCE_COMMAND frames become
-// currents of the servos. Two serial lines, each with a keeper of its own (serial_port.h). poll and send run in the real-time
-// thread; set_up, look and let_go in the servos' keeper.
+// A DOGlove as a driver: its main board's blocks and its servos' positions become GLOVE frames, FORCE_COMMAND
+// frames become currents of the servos. Two serial lines, each with a keeper of its own (serial_port.h). poll
+// and send run in the real-time thread; set_up, look and let_go in the servos' keeper.
 //
-// Forces: each servo is in current-based position mode with the open finger as its goal. So it can only pull the finger open,
-// whichever way it is wound, with at most the current that it was told, and never beyond the open hand. No current, no torque.
+// Forces: each servo is in current-based position mode with the open finger as its goal. So it can only pull
+// the finger open, whichever way it is wound, with at most the current that it was told, and never beyond the
+// open hand. No current, no torque.
 //
 // Pace: every 5 ms one burst goes out: currents, and a request for all positions. Zero currents go at once.
 //
-// Letting go: a command without ENABLE, one that does not decode, and 5 ms without a command are zero currents; where the
-// real-time thread hangs, the keeper sends them. Where the process dies the servos' Bus Watchdog stops them after 20 ms.
+// Letting go: a command without ENABLE, one that does not decode, and 5 ms without a command are zero
+// currents; where the real-time thread hangs, the keeper sends them. Where the process dies the servos' Bus
+// Watchdog stops them after 20 ms.
 #include <errno.h>
 #include <fcntl.h>
 #include <linux/input.h>

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// The five servos of a simulated DOGlove on their line: control tables that instructions read and write, and the Bus Watchdog as
-// the maker's e-Manual describes it. Bytes, angles and time in, bytes out. Pure.
+// The five servos of a simulated DOGlove on their line: control tables that instructions read and write, and
+// the Bus Watchdog as the maker's e-Manual describes it. Bytes, angles and time in, bytes out. Pure.
 #ifndef DRIVERS_DOGLOVE_SIM_H
 #define DRIVERS_DOGLOVE_SIM_H
 

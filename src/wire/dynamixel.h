@@ -1,13 +1,14 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// Packets of Dynamixel servos, protocol 2.0: instructions out, status packets in, and the other way round for the simulated
-// ones. Pure; any thread.
+// Packets of Dynamixel servos, protocol 2.0: instructions out, status packets in, and the other way round for
+// the simulated ones. Pure; any thread.
 //
-// Source: ROBOTIS e-Manual, "DYNAMIXEL Protocol 2.0" (packets, sync read, sync write, byte stuffing, CRC), and the control
-// tables of XL330-M288-T and XC330-M288-T.
+// Source: ROBOTIS e-Manual, "DYNAMIXEL Protocol 2.0" (packets, sync read, sync write, byte stuffing, CRC),
+// and the control tables of XL330-M288-T and XC330-M288-T.
 //
 //   FF FF FD 00  id  length, uint16: bytes from here on  instruction  parameters  CRC, uint16
-// A status packet has the instruction 55 and an error byte in front of its parameters. Where FF FF FD stands in instruction and
-// parameters, FD follows it once more. CRC-16 with polynomial 8005, start 0, no reflection, over all before it.
+// A status packet has the instruction 55 and an error byte in front of its parameters. Where FF FF FD stands
+// in instruction and parameters, FD follows it once more. CRC-16 with polynomial 8005, start 0, no
+// reflection, over all before it.
 #ifndef WIRE_DYNAMIXEL_H
 #define WIRE_DYNAMIXEL_H
 
@@ -45,7 +46,8 @@ typedef struct gv_dynamixel_packet {
 uint16_t gv_dynamixel_crc(const uint8_t *byte, int count);
 // The packet's bytes; returns their number.
 int gv_dynamixel_encode(const gv_dynamixel_packet *packet, uint8_t out[GV_DYNAMIXEL_BYTES]);
-// For gv_framer_push; `format` is not used. Any whole packet of at most GV_DYNAMIXEL_BYTES whose CRC is right.
+// For gv_framer_push; `format` is not used. Any whole packet of at most GV_DYNAMIXEL_BYTES whose CRC is
+// right.
 int gv_dynamixel_scan(const void *format, const uint8_t *byte, int count);
 // A packet that gv_dynamixel_scan found.
 void gv_dynamixel_decode(const uint8_t *byte, int length, gv_dynamixel_packet *out);
