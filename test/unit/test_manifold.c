@@ -220,6 +220,46 @@ static void test_limb_on_two_edges(void) {
   }
 }
 
+// What a limb does not rock on is no contact: of the edges of a roof of seven faces those 0.3 mm below the
+// top are left out, although they are within the margin; those at the limb's way's end are not.
+static void test_edges_far_below_are_passed_over(void) {
+  static char memory[100000];
+  static const double y[8] = {0.003, 0.008, 0.012, 0.0125, -0.003, -0.008, -0.012, -0.0125};
+  static const double z[8] = {0, -0.0003, -0.0009, -0.01, 0, -0.0003, -0.0009, -0.01};
+  gv_vec3 p[16];
+  gv_arena arena;
+  gv_hull roof;
+  for (int i = 0; i < 16; i++)
+    p[i] = gv_v3(i % 2 ? 0.02 : -0.02, y[i / 2], z[i / 2]);
+  gv_arena_init(&arena, memory, sizeof memory);
+  CHECK(!gv_hull_build(&arena, p, 16, &roof), "no hull");
+  const gv_pose T = {turn(0, 0, 1, 0.5 * GV_PI), {0, 0, 0.008}};
+  contacts c = touch(limb(), T, gv_shape_hull(&roof), gv_pose_identity(), NULL);
+  CHECK(c.count == 4, "%d contacts", c.count);
+  for (int side = -1; side <= 1; side += 2) {
+    CHECK(at(&c, gv_v3(0, 0.003 * side, 0), 1e-6), "no contact on the edge of the top");
+    CHECK(at(&c, gv_v3(0, 0.012 * side, -0.00045), 1e-6), "none at the end of the way");
+  }
+}
+
+// Slopes up to 72 degrees carry a limb that lies along their ridge at both its ends; on steeper ones the
+// nearest point is all.
+static void test_a_ridge_up_to_72_degrees_carries_both_ends(void) {
+  for (int steeper = 0; steeper < 2; steeper++) {
+    static char memory[100000];
+    const double height = 0.01 * tan((steeper ? 73.5 : 71.5) * GV_PI / 180);
+    const gv_vec3 p[] = {{-0.01, -0.1, -height}, {0.01, -0.1, -height}, {-0.01, 0.1, -height},
+                         {0.01, 0.1, -height},   {0, -0.1, 0},          {0, 0.1, 0}};
+    gv_arena arena;
+    gv_hull ridge;
+    gv_arena_init(&arena, memory, sizeof memory);
+    CHECK(!gv_hull_build(&arena, p, 6, &ridge), "no hull");
+    const gv_pose T = {turn(0, 0, 1, 0.5 * GV_PI), {0, 0, 0.0079}};
+    contacts c = touch(limb(), T, gv_shape_hull(&ridge), gv_pose_identity(), NULL);
+    CHECK(c.count == (steeper ? 1 : 2), "%s: %d contacts", steeper ? "steeper" : "less steep", c.count);
+  }
+}
+
 static void test_single_points(void) {
   double h = sqrt(0.5);
   gv_pose across = {turn(0, 1, 0, GV_PI / 4), {0.03 + 0.008 * h, 0, 0.04 + 0.008 * h}};
@@ -390,6 +430,8 @@ int main(void) {
   RUN(test_limb_over_the_rim);
   RUN(test_limb_along_an_edge);
   RUN(test_limb_on_two_edges);
+  RUN(test_edges_far_below_are_passed_over);
+  RUN(test_a_ridge_up_to_72_degrees_carries_both_ends);
   RUN(test_single_points);
   RUN(test_reduction);
   RUN(test_random_poses);

@@ -119,6 +119,41 @@ static void test_a_turn_round_the_edge_is_taken(void) {
 
 // Pressed from above through a plate of 1 mm, its middle below already: up is where it
 // came from, and as deep as it is.
+// Within one step from one side of a roof to the other: where their normals are up to 120
+// degrees apart the turn is taken, beyond that the side of entry is kept. (libccd, whose depth
+// is only locally the least, stays.)
+static void test_turns_up_to_120_degrees_are_taken(void) {
+  static _Alignas(64) unsigned char memory[1 << 16];
+  for (int k = 0; k < 2; k++) {
+    const double apart = (k ? 122.0 : 118.0) * GV_PI / 180;
+    const double s = sin(apart / 2);
+    const double c = cos(apart / 2);
+    const double low = -0.1 * s / c;
+    const gv_vec3 p[] = {{-0.1, -0.1, low}, {0.1, -0.1, low}, {-0.1, 0.1, low},
+                         {0.1, 0.1, low},   {0, -0.1, 0},     {0, 0.1, 0}};
+    gv_arena arena;
+    gv_hull roof;
+    gv_arena_init(&arena, memory, sizeof memory);
+    CHECK(!gv_hull_build(&arena, p, 6, &roof), "no hull");
+    const gv_shape limb = gv_shape_capsule(0.015, 0.008);
+    const gv_shape b = gv_shape_hull(&roof);
+    const gv_pose B = gv_pose_identity();
+    const gv_quat along = gv_quat_exp(gv_v3(0, 0, 0.5 * GV_PI));
+    gv_pair_cache cache = {.corners = 0};
+    gv_contact_point point[GV_MAX_PAIR_CONTACTS];
+    double normal_x[2];
+    for (int step = 0; step < 2; step++) {
+      const gv_pose A = {along, {step == 0 ? 0.001 : -0.001, 0, -0.003 / c}};
+      const int count = gv_manifold_pair(GV_NARROW_CORE, &(gv_pair){&limb, &A, &b, &B}, 0.001, &cache, point,
+                                         NULL);
+      CHECK(count > 0, "no contact");
+      normal_x[step] = point[0].normal_world.x;
+    }
+    CHECK_NEAR(normal_x[0], s, 1e-6);
+    CHECK_NEAR(normal_x[1], k ? s : -s, 1e-6);
+  }
+}
+
 static void test_the_side_of_entry_is_kept(void) {
   for (int narrow = 0; narrow < 2; narrow++) {
     gv_pair_cache cache = {.corners = 0};
@@ -161,6 +196,7 @@ static void test_a_placed_body_has_no_side_of_entry(void) {
 int main(void) {
   RUN(test_what_is_dropped_stays_on_the_table);
   RUN(test_heavy_things_are_stopped_as_a_kilogram_is);
+  RUN(test_turns_up_to_120_degrees_are_taken);
   RUN(test_the_side_of_entry_is_kept);
   RUN(test_a_placed_body_has_no_side_of_entry);
   RUN(test_a_turn_round_the_edge_is_taken);
