@@ -154,6 +154,14 @@ test-rt: build/.rt-packages
 	$(Q)$(MAKE) --no-print-directory all
 	$(Q)B=$(B) sh test/rt/run
 
+## test-service: the packages under a systemd of their own: install, start, watchdog, restart, remove (root; about two minutes)
+test-service: build/.service-packages deb
+	$(Q)test/service/run
+build/.service-packages: build/.run-packages
+	$(Q)tools/packages debootstrap systemd-container
+	@touch $@
+.PHONY: test-service
+
 ## all: build the daemon, the tools and the tests
 all: $(B)/gloved $(TOOLS:%=$(B)/%) $(TESTS:%=$(B)/test/%) $(B)/test/bench_engine $(B)/test/bench_latency $(B)/test/soak
 

@@ -91,7 +91,7 @@ said = []
 while "STOPPING=1" not in said:
     said += s.recv(1000).decode().split("\n")
 assert p.wait() == 0
-assert said[0] == "READY=1", said
+assert said[0] == "READY=1" and "STATUS=ready" in said, said
 assert 4 <= said.count("WATCHDOG=1") <= 60, said
 END
 verdict a_service_manager_is_told $? "$(tail -n 2 out)"

@@ -4,6 +4,7 @@
 #include "daemon/tell/notify.h"
 
 #include <stddef.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/socket.h>
@@ -37,7 +38,7 @@ static void tell(const gv_notify *notify, const char *text) {
     send(notify->socket, text, strlen(text), MSG_DONTWAIT | MSG_NOSIGNAL);
 }
 
-void gv_notify_ready(gv_notify *notify) { tell(notify, "READY=1\nSTATUS=waiting for the devices"); }
+void gv_notify_ready(gv_notify *notify) { tell(notify, "READY=1\nSTATUS=waits for the devices"); }
 
 void gv_notify_alive(gv_notify *notify, int64_t now_ns, uint64_t steps) {
   if (notify->every_ns <= 0 || now_ns - notify->told_ns < notify->every_ns || steps == notify->count)
@@ -45,6 +46,12 @@ void gv_notify_alive(gv_notify *notify, int64_t now_ns, uint64_t steps) {
   notify->told_ns = now_ns;
   notify->count = steps;
   tell(notify, "WATCHDOG=1");
+}
+
+void gv_notify_status(const gv_notify *notify, const char *state, const char *why) {
+  char text[300];
+  snprintf(text, sizeof text, "STATUS=%s%s%s", state, *why ? ": " : "", why);
+  tell(notify, text);
 }
 
 void gv_notify_close(gv_notify *notify) {

@@ -20,6 +20,8 @@ void gv_notify_ready(gv_notify *notify);
 // last one: a real-time thread that stands still must be ended by the manager although this thread
 // runs. now_ns of CLOCK_MONOTONIC.
 void gv_notify_alive(gv_notify *notify, int64_t now_ns, uint64_t steps);
+// What `systemctl status` shows: the safety machine's state, and why.
+void gv_notify_status(const gv_notify *notify, const char *state, const char *why);
 // The end has begun: STOPPING=1.
 void gv_notify_close(gv_notify *notify);
 
