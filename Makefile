@@ -204,7 +204,7 @@ traces: $(B)/gloved $(B)/fcusim
 	$(Q)for t in data/traces/*/; do B=$(B) tools/record-trace $$(basename $$t) || exit 1; done
 	$(Q)$(MAKE) --no-print-directory golden
 
-## bench-accuracy: a million poses of each of 32 pair types against exact oracles, both narrow phases (make test runs a tenth; 20 minutes)
+## bench-accuracy: a million poses of each of 39 pair types against exact oracles, both narrow phases (make test runs a tenth; 20 minutes)
 bench-accuracy: $(B)/test/test_accuracy
 	$(Q)$< --list | GV_POSES=$${GV_POSES:-1000000} xargs -n1 -P$$(nproc) $<
 	$(Q)$< --list | GV_NARROW=libccd GV_POSES=$${GV_POSES:-1000000} xargs -n1 -P$$(nproc) $<

@@ -21,9 +21,9 @@ enum { TOLERANCES = sizeof in_plane / sizeof in_plane[0] };
 // a round body two small triangles lie in one plane by chance.
 static const double rounded_m = 4e-6, rounded_share = 5e-5, long_side = 0.15;
 
-typedef struct side {     // a polygon on its way to a plane
-  gv_vec3 n, corner;      // unit normal; one of its corners
-  double offset, reach;   // n . x on the plane; largest distance from that corner, metres
+typedef struct side {    // a polygon on its way to a plane
+  gv_vec3 n, corner;     // unit normal; one of its corners
+  double offset, reach;  // n . x on the plane; largest distance from that corner, metres
   int triangles;
 } side;
 
@@ -32,16 +32,16 @@ typedef struct builder {
   gv_polytope_face face[TRIANGLES + 2];
   gv_polytope_edge edge[TRIANGLES + 4];
   uint16_t seen[TRIANGLES + 4], link[POINTS];
-  uint16_t polygon_of[TRIANGLES + 2]; // of each triangle
-  uint16_t next[POINTS];              // around the polygon at hand
-  uint16_t polygons_at[POINTS];       // how many polygons meet at the point
-  uint16_t vertex_of[POINTS];         // number in the hull, or NONE
-  uint16_t corner[3 * TRIANGLES];     // of all polygons, before straight corners are left out
+  uint16_t polygon_of[TRIANGLES + 2];  // of each triangle
+  uint16_t next[POINTS];               // around the polygon at hand
+  uint16_t polygons_at[POINTS];        // how many polygons meet at the point
+  uint16_t vertex_of[POINTS];          // number in the hull, or NONE
+  uint16_t corner[3 * TRIANGLES];      // of all polygons, before straight corners are left out
   uint16_t start[TRIANGLES + 1];
-  side side[GV_MAX_HULL_FACES];       // of the polygons, while corners are moved into their planes
-  gv_vec3 given[POINTS];              // the points as they came
+  side side[GV_MAX_HULL_FACES];  // of the polygons, while corners are moved into their planes
+  gv_vec3 given[POINTS];         // the points as they came
   gv_polytope polytope;
-  double size, in_plane;              // metres
+  double size, in_plane;  // metres
   int count, polygons;
 } builder;
 
@@ -62,11 +62,14 @@ const char *gv_hull_error(int error) {
 }
 
 static int take_points(builder *b, const gv_vec3 *points, int count) {
-  if (count < 4) return GV_HULL_FEW;
-  if (count > POINTS) return GV_HULL_VERTICES;
+  if (count < 4)
+    return GV_HULL_FEW;
+  if (count > POINTS)
+    return GV_HULL_VERTICES;
   gv_vec3 low = points[0], high = points[0];
   for (int i = 0; i < count; i++) {
-    if (!gv_v3_finite(points[i])) return GV_HULL_NOT_FINITE;
+    if (!gv_v3_finite(points[i]))
+      return GV_HULL_NOT_FINITE;
     low = gv_v3(fmin(low.x, points[i].x), fmin(low.y, points[i].y), fmin(low.z, points[i].z));
     high = gv_v3(fmax(high.x, points[i].x), fmax(high.y, points[i].y), fmax(high.z, points[i].z));
     b->point[i] = b->given[i] = points[i];
@@ -81,17 +84,24 @@ static int grow(builder *b) {
   gv_polytope *P = &b->polytope;
   uint16_t pick[4];
   *P = (gv_polytope){
-    .point = b->point, .face = b->face, .edge = b->edge, .seen = b->seen, .link = b->link,
+    .point = b->point,
+    .face = b->face,
+    .edge = b->edge,
+    .seen = b->seen,
+    .link = b->link,
     .face_max = TRIANGLES + 2,
     .free_head = -1,
     .tolerance = 0.1 * b->in_plane,
     .least_offset = -HUGE_VAL,
   };
-  if (!gv_polytope_pick_tetrahedron(b->point, b->count, 1e-6 * b->size, pick)) return GV_HULL_FLAT;
-  if (!gv_polytope_start(P, pick)) return GV_HULL_FLAT;
+  if (!gv_polytope_pick_tetrahedron(b->point, b->count, 1e-6 * b->size, pick))
+    return GV_HULL_FLAT;
+  if (!gv_polytope_start(P, pick))
+    return GV_HULL_FLAT;
   for (int i = 0; i < b->count; i++) {
     int seed = gv_polytope_most_visible(P, b->point[i]);
-    if (seed >= 0 && !gv_polytope_add(P, (uint16_t)i, seed)) return GV_HULL_DEGENERATE;
+    if (seed >= 0 && !gv_polytope_add(P, (uint16_t)i, seed))
+      return GV_HULL_DEGENERATE;
   }
   return 0;
 }
@@ -105,9 +115,11 @@ static int largest_unmerged(const builder *b) {
   int best = -1;
   double largest = -1;
   for (int f = 0; f < b->polytope.face_count; f++) {
-    if (!gv_polytope_alive(&b->polytope, f) || b->polygon_of[f] != NONE) continue;
+    if (!gv_polytope_alive(&b->polytope, f) || b->polygon_of[f] != NONE)
+      continue;
     double area = twice_area(b, &b->face[f]);
-    if (!(area > largest)) continue;
+    if (!(area > largest))
+      continue;
     largest = area;
     best = f;
   }
@@ -115,9 +127,11 @@ static int largest_unmerged(const builder *b) {
 }
 
 static bool lies_in_plane(const builder *b, const gv_polytope_face *F, const gv_polytope_face *plane) {
-  if (gv_dot(F->normal, plane->normal) < 0) return false;
+  if (gv_dot(F->normal, plane->normal) < 0)
+    return false;
   for (int k = 0; k < 3; k++)
-    if (fabs(gv_dot(plane->normal, b->point[F->vertex[k]]) - plane->offset) > b->in_plane) return false;
+    if (fabs(gv_dot(plane->normal, b->point[F->vertex[k]]) - plane->offset) > b->in_plane)
+      return false;
   return true;
 }
 
@@ -129,7 +143,8 @@ static void spread(builder *b, int seed, uint16_t polygon) {
   for (int next = 0; next < count; next++) {
     for (int k = 0; k < 3; k++) {
       uint16_t g = b->face[b->seen[next]].adjacent[k];
-      if (b->polygon_of[g] != NONE || !lies_in_plane(b, &b->face[g], &b->face[seed])) continue;
+      if (b->polygon_of[g] != NONE || !lies_in_plane(b, &b->face[g], &b->face[seed]))
+        continue;
       b->polygon_of[g] = polygon;
       b->seen[count++] = g;
     }
@@ -141,12 +156,15 @@ static void spread(builder *b, int seed, uint16_t polygon) {
 static int trace_outline(builder *b, uint16_t polygon, int at) {
   int edges = 0, length = 0;
   uint16_t first = NONE;
-  for (int i = 0; i < b->count; i++) b->next[i] = NONE;
+  for (int i = 0; i < b->count; i++)
+    b->next[i] = NONE;
   for (int i = 0; b->seen[i] != NONE; i++) {
     const gv_polytope_face *F = &b->face[b->seen[i]];
     for (int k = 0; k < 3; k++) {
-      if (b->polygon_of[F->adjacent[k]] == polygon) continue;
-      if (b->next[F->vertex[k]] != NONE) return 0;
+      if (b->polygon_of[F->adjacent[k]] == polygon)
+        continue;
+      if (b->next[F->vertex[k]] != NONE)
+        return 0;
       first = F->vertex[k];
       b->next[first] = F->vertex[(k + 1) % 3];
       edges++;
@@ -156,22 +174,27 @@ static int trace_outline(builder *b, uint16_t polygon, int at) {
     b->corner[at + length] = v;
     b->polygons_at[v]++;
     v = b->next[v];
-    if (v == first) return length + 1 == edges ? edges : 0;
+    if (v == first)
+      return length + 1 == edges ? edges : 0;
   }
   return 0;
 }
 
 static int merge(builder *b) {
   int at = 0;
-  for (int f = 0; f < TRIANGLES + 2; f++) b->polygon_of[f] = NONE;
-  for (int i = 0; i < b->count; i++) b->polygons_at[i] = 0;
+  for (int f = 0; f < TRIANGLES + 2; f++)
+    b->polygon_of[f] = NONE;
+  for (int i = 0; i < b->count; i++)
+    b->polygons_at[i] = 0;
   b->polygons = 0;
   for (int seed = largest_unmerged(b); seed >= 0; seed = largest_unmerged(b)) {
-    if (b->polygons == GV_MAX_HULL_FACES) return GV_HULL_FACES;
+    if (b->polygons == GV_MAX_HULL_FACES)
+      return GV_HULL_FACES;
     b->start[b->polygons] = (uint16_t)at;
     spread(b, seed, (uint16_t)b->polygons);
     int length = trace_outline(b, (uint16_t)b->polygons, at);
-    if (length == 0) return GV_HULL_DEGENERATE;
+    if (length == 0)
+      return GV_HULL_DEGENERATE;
     at += length;
     b->polygons++;
   }
@@ -183,12 +206,14 @@ static int merge(builder *b) {
 // goes straight on) out of the polygons. Returns the number of vertices.
 static int drop_straight_corners(builder *b) {
   int vertices = 0, to = 0, from = 0;
-  for (int i = 0; i < b->count; i++) b->vertex_of[i] = b->polygons_at[i] >= 3 ? (uint16_t)vertices++ : NONE;
+  for (int i = 0; i < b->count; i++)
+    b->vertex_of[i] = b->polygons_at[i] >= 3 ? (uint16_t)vertices++ : NONE;
   for (int f = 0; f < b->polygons; f++) {
     int end = b->start[f + 1];
     b->start[f] = (uint16_t)to;
     for (; from < end; from++)
-      if (b->vertex_of[b->corner[from]] != NONE) b->corner[to++] = b->vertex_of[b->corner[from]];
+      if (b->vertex_of[b->corner[from]] != NONE)
+        b->corner[to++] = b->vertex_of[b->corner[from]];
   }
   b->start[b->polygons] = (uint16_t)to;
   return vertices;
@@ -198,16 +223,20 @@ static int check_polygons(const builder *b, int vertices) {
   int corners = b->start[b->polygons], error = 0;
   for (int f = 0; f < b->polygons; f++) {
     int sides = b->start[f + 1] - b->start[f];
-    if (sides < 3) return GV_HULL_DEGENERATE;
-    if (sides > GV_MAX_FACE_VERTICES) error = GV_HULL_POLYGON;
+    if (sides < 3)
+      return GV_HULL_DEGENERATE;
+    if (sides > GV_MAX_FACE_VERTICES)
+      error = GV_HULL_POLYGON;
   }
   return vertices - corners / 2 + b->polygons == 2 && corners % 2 == 0 ? error : GV_HULL_DEGENERATE;  // Euler
 }
 
 static int build_polygons(builder *b, int *out_vertices) {
   int error = grow(b);
-  if (!error) error = merge(b);
-  if (error) return error;
+  if (!error)
+    error = merge(b);
+  if (error)
+    return error;
   *out_vertices = drop_straight_corners(b);
   return check_polygons(b, *out_vertices);
 }
@@ -226,14 +255,17 @@ static int build_strictly(builder *b, int *out_vertices) {
 // Plane of each polygon: the sum of its triangles' area vectors, and the mean height of their corners.
 static void fit_polygons(builder *b) {
   const gv_polytope *P = &b->polytope;
-  for (int f = 0; f < b->polygons; f++) b->side[f] = (side){.triangles = 0};
+  for (int f = 0; f < b->polygons; f++)
+    b->side[f] = (side){.triangles = 0};
   for (int pass = 0; pass < 2; pass++) {
     for (int t = 0; t < P->face_count; t++) {
-      if (!gv_polytope_alive(P, t)) continue;
+      if (!gv_polytope_alive(P, t))
+        continue;
       side *f = &b->side[b->polygon_of[t]];
       const uint16_t *v = b->face[t].vertex;
       gv_vec3 p = b->point[v[0]], q = b->point[v[1]], r = b->point[v[2]];
-      if (f->triangles == 0) f->corner = p;
+      if (f->triangles == 0)
+        f->corner = p;
       f->reach = fmax(f->reach, gv_norm(gv_sub(p, f->corner)));
       f->reach = fmax(f->reach, gv_norm(gv_sub(q, f->corner)));
       f->reach = fmax(f->reach, gv_norm(gv_sub(r, f->corner)));
@@ -244,7 +276,8 @@ static void fit_polygons(builder *b) {
         f->offset += gv_dot(f->n, gv_add(gv_add(p, q), r)) / (3 * f->triangles);
       }
     }
-    for (int f = 0; f < b->polygons; f++) b->side[f].n = gv_normalize_or(b->side[f].n, gv_v3(0, 0, 1));
+    for (int f = 0; f < b->polygons; f++)
+      b->side[f].n = gv_normalize_or(b->side[f].n, gv_v3(0, 0, 1));
   }
 }
 
@@ -255,26 +288,33 @@ static void move_into_planes(builder *b, int v, double limit) {
   int axes = 0;
   for (int t = 0; t < b->polytope.face_count && axes < 3; t++) {
     const uint16_t *c = b->face[t].vertex;
-    if (!gv_polytope_alive(&b->polytope, t) || (c[0] != v && c[1] != v && c[2] != v)) continue;
+    if (!gv_polytope_alive(&b->polytope, t) || (c[0] != v && c[1] != v && c[2] != v))
+      continue;
     const side *f = &b->side[b->polygon_of[t]];
     gv_vec3 free = f->n;
-    for (int k = 0; k < axes; k++) free = gv_mad(free, -gv_dot(f->n, axis[k]), axis[k]);
+    for (int k = 0; k < axes; k++)
+      free = gv_mad(free, -gv_dot(f->n, axis[k]), axis[k]);
     double share = gv_norm(free);
-    if (f->triangles < 2 || f->reach < long_side * b->size) continue;
-    if (share < 0.05) continue;  // the same plane, or one that no small move reaches
+    if (f->triangles < 2 || f->reach < long_side * b->size)
+      continue;
+    if (share < 0.05)
+      continue;  // the same plane, or one that no small move reaches
     axis[axes] = gv_scale(free, 1.0 / share);
     shift = gv_mad(shift, (f->offset - gv_dot(f->n, gv_add(b->point[v], shift))) / share, axis[axes]);
     axes++;
   }
-  if (gv_norm(shift) <= limit) b->point[v] = gv_add(b->point[v], shift);
+  if (gv_norm(shift) <= limit)
+    b->point[v] = gv_add(b->point[v], shift);
 }
 
 // Points inside would stand out of a side that moves inwards.
 static void drop_inner_points(builder *b) {
   int corner = 0;
-  while (b->vertex_of[corner] == NONE) corner++;
+  while (b->vertex_of[corner] == NONE)
+    corner++;
   for (int i = 0; i < b->count; i++)
-    if (b->vertex_of[i] == NONE) b->point[i] = b->point[corner];
+    if (b->vertex_of[i] == NONE)
+      b->point[i] = b->point[corner];
 }
 
 // True where some polygons share a plane but for rounding: the corners then lie in it.
@@ -282,9 +322,11 @@ static bool flatten(builder *b) {
   double limit = fmin(rounded_m, rounded_share * b->size);
   int strict = b->polygons;
   b->in_plane = limit;
-  if (merge(b) || b->polygons >= strict) return false;
+  if (merge(b) || b->polygons >= strict)
+    return false;
   fit_polygons(b);
-  for (int v = 0; v < b->count; v++) move_into_planes(b, v, limit);
+  for (int v = 0; v < b->count; v++)
+    move_into_planes(b, v, limit);
   drop_inner_points(b);
   return true;
 }
@@ -292,9 +334,12 @@ static bool flatten(builder *b) {
 // The hull of the points, and where that leaves fewer polygons, of the points moved into common planes.
 static int build_flat(builder *b, int *out_vertices) {
   int error = build_strictly(b, out_vertices), strict = b->polygons;
-  if (error) return error;
-  if (flatten(b) && build_strictly(b, out_vertices) == 0 && b->polygons < strict) return 0;
-  for (int i = 0; i < b->count; i++) b->point[i] = b->given[i];
+  if (error)
+    return error;
+  if (flatten(b) && build_strictly(b, out_vertices) == 0 && b->polygons < strict)
+    return 0;
+  for (int i = 0; i < b->count; i++)
+    b->point[i] = b->given[i];
   return build_strictly(b, out_vertices);
 }
 
@@ -309,7 +354,8 @@ static int reserve(gv_arena *arena, int vertices, int faces, int corners, arrays
   size_t v = (size_t)vertices, f = (size_t)faces, c = (size_t)corners;
   size_t doubles = 3 * v + 4 * f, indices = (f + 1) + c + (v + 1) + c + c;
   uint8_t *mem = gv_arena_alloc(arena, "hull", doubles * sizeof(double) + indices * sizeof(uint16_t));
-  if (!mem) return GV_HULL_MEMORY;
+  if (!mem)
+    return GV_HULL_MEMORY;
   out->vertex = (gv_vec3 *)(void *)mem;
   out->face_normal = out->vertex + v;
   out->face_offset = (double *)(void *)(out->face_normal + f);
@@ -331,14 +377,17 @@ static void fit_plane(const arrays *m, int f) {
                                  gv_sub(m->vertex[c[k + 1]], m->vertex[c[0]])));
   m->face_normal[f] = gv_normalize_or(area, gv_v3(0, 0, 1));
   double offset = 0;
-  for (int k = 0; k < sides; k++) offset += gv_dot(m->face_normal[f], m->vertex[c[k]]);
+  for (int k = 0; k < sides; k++)
+    offset += gv_dot(m->face_normal[f], m->vertex[c[k]]);
   m->face_offset[f] = offset / sides;
 }
 
 // Each polygon edge i -> j makes j a neighbour of i, with the polygon to its left.
 static void link_neighbors(const arrays *m, int vertices, int faces) {
-  for (int i = 0; i <= vertices; i++) m->neighbor_start[i] = 0;
-  for (int k = 0; k < m->face_start[faces]; k++) m->neighbor_start[m->face_vertex[k] + 1]++;
+  for (int i = 0; i <= vertices; i++)
+    m->neighbor_start[i] = 0;
+  for (int k = 0; k < m->face_start[faces]; k++)
+    m->neighbor_start[m->face_vertex[k] + 1]++;
   for (int i = 0; i < vertices; i++) {
     const int end = m->neighbor_start[i] + m->neighbor_start[i + 1];
     m->neighbor_start[i + 1] = (uint16_t)end;
@@ -352,7 +401,8 @@ static void link_neighbors(const arrays *m, int vertices, int faces) {
       m->neighbor_face[at] = (uint16_t)f;
     }
   }
-  for (int i = vertices; i > 0; i--) m->neighbor_start[i] = m->neighbor_start[i - 1];
+  for (int i = vertices; i > 0; i--)
+    m->neighbor_start[i] = m->neighbor_start[i - 1];
   m->neighbor_start[0] = 0;
 }
 
@@ -372,18 +422,29 @@ static void measure(gv_hull *hull) {
 static int write_hull(const builder *b, int vertices, gv_arena *arena, gv_hull *out) {
   arrays m;
   int corners = b->start[b->polygons], error = reserve(arena, vertices, b->polygons, corners, &m);
-  if (error) return error;
+  if (error)
+    return error;
   for (int i = 0; i < b->count; i++)
-    if (b->vertex_of[i] != NONE) m.vertex[b->vertex_of[i]] = b->point[i];
-  for (int f = 0; f <= b->polygons; f++) m.face_start[f] = b->start[f];
-  for (int k = 0; k < corners; k++) m.face_vertex[k] = b->corner[k];
-  for (int f = 0; f < b->polygons; f++) fit_plane(&m, f);
+    if (b->vertex_of[i] != NONE)
+      m.vertex[b->vertex_of[i]] = b->point[i];
+  for (int f = 0; f <= b->polygons; f++)
+    m.face_start[f] = b->start[f];
+  for (int k = 0; k < corners; k++)
+    m.face_vertex[k] = b->corner[k];
+  for (int f = 0; f < b->polygons; f++)
+    fit_plane(&m, f);
   link_neighbors(&m, vertices, b->polygons);
   *out = (gv_hull){
-    .vertex_count = vertices, .vertex = m.vertex,
-    .face_count = b->polygons, .face_normal = m.face_normal, .face_offset = m.face_offset,
-    .face_start = m.face_start, .face_vertex = m.face_vertex,
-    .neighbor_start = m.neighbor_start, .neighbor = m.neighbor, .neighbor_face = m.neighbor_face,
+    .vertex_count = vertices,
+    .vertex = m.vertex,
+    .face_count = b->polygons,
+    .face_normal = m.face_normal,
+    .face_offset = m.face_offset,
+    .face_start = m.face_start,
+    .face_vertex = m.face_vertex,
+    .neighbor_start = m.neighbor_start,
+    .neighbor = m.neighbor,
+    .neighbor_face = m.neighbor_face,
   };
   measure(out);
   return 0;
@@ -392,21 +453,10 @@ static int write_hull(const builder *b, int vertices, gv_arena *arena, gv_hull *
 int gv_hull_build(gv_arena *arena, const gv_vec3 *points, int count, gv_hull *out_hull) {
   builder b;
   int vertices = 0, error = take_points(&b, points, count);
-  if (error) return error;
+  if (error)
+    return error;
   error = build_flat(&b, &vertices);
   return error ? error : write_hull(&b, vertices, arena, out_hull);
-}
-
-int gv_hull_ball(gv_arena *arena, gv_vec3 center, double radius, gv_hull *out_hull) {
-  static const uint16_t none[2];
-  if (!gv_v3_finite(center) || !isfinite(radius)) return GV_HULL_NOT_FINITE;
-  if (!(radius > 0)) return GV_HULL_FLAT;
-  gv_vec3 *vertex = gv_arena_alloc(arena, "hull", sizeof *vertex);
-  if (!vertex) return GV_HULL_MEMORY;
-  *vertex = center;
-  *out_hull = (gv_hull){.vertex_count = 1, .vertex = vertex, .face_start = none, .neighbor_start = none,
-                        .center = center, .aabb_min = center, .aabb_max = center, .radius = radius};
-  return 0;
 }
 
 // Adds density 1 times the integrals over the tetrahedron (0, a, b, c): volume, first and second moments.
@@ -419,8 +469,8 @@ static void add_tetrahedron(gv_vec3 a, gv_vec3 b, gv_vec3 c, double *volume, gv_
   *first = gv_mad(*first, v / 4.0, sum);
   for (int i = 0; i < 3; i++)
     for (int k = 0; k < 3; k++)  // integral of x_i x_k = v / 20 (sum over corners + (sum)(sum))
-      second[i][k] += v / 20.0 * (p[0][i] * p[0][k] + p[1][i] * p[1][k] +
-                                  p[2][i] * p[2][k] + p[3][i] * p[3][k]);
+      second[i][k] += v / 20.0 *
+                      (p[0][i] * p[0][k] + p[1][i] * p[1][k] + p[2][i] * p[2][k] + p[3][i] * p[3][k]);
 }
 
 // Inertia m^2 about a point from the second moments about it: trace(S) 1 - S.
@@ -428,17 +478,16 @@ static gv_mat3 inertia_from(double s[3][3]) {
   double trace = s[0][0] + s[1][1] + s[2][2];
   gv_mat3 m;
   for (int i = 0; i < 3; i++)
-    for (int k = 0; k < 3; k++) m.m[i][k] = (i == k ? trace : 0.0) - s[i][k];
+    for (int k = 0; k < 3; k++)
+      m.m[i][k] = (i == k ? trace : 0.0) - s[i][k];
   return m;
 }
 
-static gv_mass_properties ball_properties(gv_vec3 center, double r) {
-  double i = 0.4 * r * r;
-  return (gv_mass_properties){4.0 / 3.0 * GV_PI * r * r * r, center, {{{i, 0, 0}, {0, i, 0}, {0, 0, i}}}};
-}
-
 gv_mass_properties gv_hull_mass_properties(const gv_hull *hull) {
-  if (hull->vertex_count == 1) return ball_properties(hull->center, hull->radius);
+  if (hull->vertex_count == 1)
+    return gv_ball_mass(hull->center, hull->radius);
+  if (hull->vertex_count == 2)
+    return gv_capsule_mass(hull->vertex[0], hull->vertex[1], hull->radius);
   double volume = 0, second[3][3] = {{0}};
   gv_vec3 first = gv_v3(0, 0, 0), o = hull->center;
   for (int f = 0; f < hull->face_count; f++) {
@@ -453,7 +502,8 @@ gv_mass_properties gv_hull_mass_properties(const gv_hull *hull) {
   gv_vec3 r = gv_scale(first, 1.0 / volume);
   const double d[3] = {r.x, r.y, r.z};
   for (int i = 0; i < 3; i++)
-    for (int k = 0; k < 3; k++) second[i][k] = second[i][k] / volume - d[i] * d[k];
+    for (int k = 0; k < 3; k++)
+      second[i][k] = second[i][k] / volume - d[i] * d[k];
   return (gv_mass_properties){volume, gv_add(o, r), inertia_from(second)};
 }
 
@@ -463,7 +513,8 @@ gv_mass_properties gv_mass_properties_sum(const gv_mass_properties *parts, int c
     sum.volume += parts[i].volume;
     sum.center = gv_mad(sum.center, parts[i].volume, parts[i].center);
   }
-  if (!(sum.volume > 0)) return sum;
+  if (!(sum.volume > 0))
+    return sum;
   sum.center = gv_scale(sum.center, 1.0 / sum.volume);
   for (int i = 0; i < count; i++) {
     gv_vec3 r = gv_sub(parts[i].center, sum.center);

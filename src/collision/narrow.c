@@ -25,7 +25,8 @@ static gv_vec3 usable_normal(gv_vec3 n) {
 static gv_vec3 first_guess(const gv_cso *cso, bool *out_warm) {
   gv_vec3 last = usable_normal(gv_rotate_inv(cso->q_world_b, cso->cache->normal_world));
   *out_warm = gv_norm2(last) > 0.5;
-  if (*out_warm) return last;
+  if (*out_warm)
+    return last;
   gv_vec3 between = gv_sub(gv_core_center(&cso->a), gv_core_center(&cso->b));
   return gv_normalize_or(between, gv_v3(0, 0, 1));
 }
@@ -77,7 +78,8 @@ static void distance_of_cores(const gv_phase *phase, const gv_cso *cso, double l
     g.simplex.count = 1;
     double overlap = gv_dot(g.simplex.p[0].w, n);
     if (warm && overlap > 0 && phase->still_overlap) {
-      if (phase->still_overlap(cso, &n, out)) return;
+      if (phase->still_overlap(cso, &n, out))
+        return;
       g.simplex.p[0] = gv_cso_support(cso, n);
     } else if (-overlap > limit) {
       take_beyond(cso, n, out);
@@ -91,7 +93,8 @@ static void distance_of_cores(const gv_phase *phase, const gv_cso *cso, double l
 // is placed.
 static bool still_beyond(const gv_pair *pair, double limit, gv_pair_cache *cache, int *io_operations) {
   gv_vec3 n = cache->normal_world;
-  if (cache->corners > 0 || cache->overlap || fabs(gv_norm2(n) - 1) > 1e-9) return false;
+  if (cache->corners > 0 || cache->overlap || fabs(gv_norm2(n) - 1) > 1e-9)
+    return false;
   const gv_pose *A = pair->T_world_a, *B = pair->T_world_b;
   double high = gv_core_height(pair->b, gv_rotate_inv(B->q, n), &cache->vertex_b, io_operations);
   double low = gv_core_height(pair->a, gv_rotate_inv(A->q, gv_neg(n)), &cache->vertex_a, io_operations);
@@ -103,6 +106,13 @@ static gv_pose pose_in_b(const gv_pair *pair) {
   return (gv_pose){q, gv_transform_inv(*pair->T_world_b, pair->T_world_a->p)};
 }
 
+// Two segments (a limb and a capsule) have no volume to be deep in: libccd's triangles lose micrometres where they cross,
+// ours do not.
+static const gv_phase *choose_phase(gv_narrow narrow, const gv_cso *cso) {
+  const bool flat = cso->a.kind == GV_CORE_SEGMENT && cso->b.kind == GV_CORE_SEGMENT;
+  return flat ? &gv_phase_core : phase_of[narrow];
+}
+
 void gv_distance_in_b(gv_narrow narrow, const gv_pair *pair, double max_distance, gv_pair_cache *cache,
                       gv_cso *out_cso, gv_distance *out) {
   assert((unsigned)narrow < sizeof phase_of / sizeof *phase_of);
@@ -110,14 +120,15 @@ void gv_distance_in_b(gv_narrow narrow, const gv_pair *pair, double max_distance
   double radii = pair->a->radius + pair->b->radius;
   *out = (gv_distance){.method = GV_DISTANCE_BEYOND, .distance = max_distance};
   out->operations = PAIR_OPERATIONS;
-  if (still_beyond(pair, max_distance + radii, cache, &out->operations)) return;
+  if (still_beyond(pair, max_distance + radii, cache, &out->operations))
+    return;
   out->operations += PLACE_OPERATIONS;
   gv_core_place(pair->a, pose_in_b(pair), &out_cso->a);
   gv_core_in_place(pair->b, &out_cso->b);
   out_cso->q_world_b = pair->T_world_b->q;
   out_cso->cache = cache;
   out_cso->operations = &out->operations;
-  distance_of_cores(phase_of[narrow], out_cso, max_distance + radii, out);
+  distance_of_cores(choose_phase(narrow, out_cso), out_cso, max_distance + radii, out);
   cache->normal_world = gv_rotate(pair->T_world_b->q, out->normal_world);
   if (out->method == GV_DISTANCE_BEYOND) {
     out->distance = max_distance;
@@ -130,7 +141,8 @@ void gv_distance_in_b(gv_narrow narrow, const gv_pair *pair, double max_distance
 
 void gv_distance_to_world(const gv_pose *T_world_b, const gv_pair_cache *cache, gv_distance *io) {
   io->normal_world = cache->normal_world;
-  if (io->method == GV_DISTANCE_BEYOND) return;
+  if (io->method == GV_DISTANCE_BEYOND)
+    return;
   io->on_a = gv_transform(*T_world_b, io->on_a);
   io->on_b = gv_mad(io->on_a, -io->distance, io->normal_world);
 }

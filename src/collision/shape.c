@@ -14,12 +14,26 @@ int gv_hull_support(const gv_hull *hull, gv_vec3 d, int start, int *io_operation
     *io_operations += 2 + hull->neighbor_start[last + 1] - hull->neighbor_start[last];
     for (int k = hull->neighbor_start[last]; k < hull->neighbor_start[last + 1]; k++) {
       double height = gv_dot(hull->vertex[hull->neighbor[k]], d);
-      if (!(height > high)) continue;
+      if (!(height > high))
+        continue;
       high = height;
       here = hull->neighbor[k];
     }
   }
   return here;
+}
+
+// A capsule's core is a segment as a limb's is, with the same numbers of its ends, but anywhere in its frame.
+static void make_segment(const gv_hull *hull, gv_core *io) {
+  const gv_vec3 half = gv_scale(gv_sub(hull->vertex[1], hull->vertex[0]), 0.5);
+  io->kind = GV_CORE_SEGMENT;
+  io->center = gv_add(io->center, gv_mat3_mul(&io->R, hull->center));
+  io->axis[0] = gv_mat3_mul(&io->R, half);
+  io->axis[1] = io->axis[2] = gv_v3(0, 0, 0);
+}
+
+static bool is_capsule(const gv_shape *shape) {
+  return shape->kind == GV_CORE_HULL && shape->hull->vertex_count == 2;
 }
 
 void gv_core_place(const gv_shape *shape, gv_pose T_b_shape, gv_core *out) {
@@ -31,6 +45,8 @@ void gv_core_place(const gv_shape *shape, gv_pose T_b_shape, gv_core *out) {
   out->axis[0] = gv_scale(gv_mat3_column(&out->R, 0), shape->half.x);
   out->axis[1] = gv_scale(gv_mat3_column(&out->R, 1), shape->half.y);
   out->axis[2] = gv_scale(gv_mat3_column(&out->R, 2), shape->half.z);
+  if (is_capsule(shape))
+    make_segment(shape->hull, out);
 }
 
 void gv_core_in_place(const gv_shape *shape, gv_core *out) {
@@ -42,6 +58,8 @@ void gv_core_in_place(const gv_shape *shape, gv_core *out) {
     .R = {{{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}},
     .axis = {{half.x, 0, 0}, {0, half.y, 0}, {0, 0, half.z}},
   };
+  if (is_capsule(shape))
+    make_segment(shape->hull, out);
 }
 
 gv_vec3 gv_core_support(const gv_core *core, gv_vec3 d, uint16_t *hint, int *io_operations) {
@@ -53,7 +71,8 @@ gv_vec3 gv_core_support(const gv_core *core, gv_vec3 d, uint16_t *hint, int *io_
   } else {
     vertex = gv_dot(core->axis[0], d) >= 0;
     const int axes = core->kind == GV_CORE_BOX ? 3 : 1;
-    for (int k = 1; k < axes; k++) vertex |= (unsigned)(gv_dot(core->axis[k], d) >= 0) << k;
+    for (int k = 1; k < axes; k++)
+      vertex |= (unsigned)(gv_dot(core->axis[k], d) >= 0) << k;
   }
   *hint = (uint16_t)vertex;
   return gv_core_vertex(core, vertex);
@@ -62,7 +81,8 @@ gv_vec3 gv_core_support(const gv_core *core, gv_vec3 d, uint16_t *hint, int *io_
 double gv_core_height(const gv_shape *shape, gv_vec3 d, uint16_t *hint, int *io_operations) {
   *io_operations += 3;
   const gv_vec3 half = shape->half;
-  if (shape->kind != GV_CORE_HULL) return fabs(d.x) * half.x + fabs(d.y) * half.y + fabs(d.z) * half.z;
+  if (shape->kind != GV_CORE_HULL)
+    return fabs(d.x) * half.x + fabs(d.y) * half.y + fabs(d.z) * half.z;
   *hint = (uint16_t)gv_hull_support(shape->hull, d, *hint, io_operations);
   return gv_dot(shape->hull->vertex[*hint], d);
 }

@@ -32,6 +32,8 @@ def texts():
     for folder, target in (("data/scenes", "scene"), ("data/scripts", "user")):
         for name in sorted(os.listdir(folder)):
             put(target, name.split(".")[0], without_comments(read(os.path.join(folder, name))))
+    for shape in ("capsule = [0.02, 0.1]", "cylinder = [0.03, 0.08]", "cone = [0.03, 0.08]", "ellipsoid = [0.02, 0.03, 0.05]"):
+        put("scene", shape.split()[0], b'version = 1;\nobjects = ( { name = "a"; mass = 0.1; mu = 0.8; %s; position = [0.0, 0.0, 0.05]; } );\n' % shape.encode())
     put("scene", "ball", b'version = 1;\nobjects = ( { name = "a"; mass = 0.1; mu = 0.8; ball = 0.03; position = [0.0, 0.0, 0.03]; } );\n')
     put("config", "all", without_comments(read("data/gloved.conf")))
     for preset in ("default", "paper", "stock"):
