@@ -289,6 +289,30 @@ $(B)/test/soak: $(B)/test/fuzz/soak.o $(B)/tools/fcusim/fault.o $(LIB)
 	@mkdir -p $(@D)
 	$(Q)$(CC) $(LDFLAGS) $^ $(LDLIBS) -o $@
 
+# Random grasps from seeds: FIRST, then N of each family (test/campaign/draw.h). On a cluster: PROFILE=, as Snakemake means it.
+N        ?= 100
+FIRST    ?= 1
+FAMILIES ?= boxes any
+CHUNK    ?= 5
+JOBS     ?= $(shell nproc)
+# MuJoCo plays where it is installed (make bench-peers).
+CAMPAIGN_BESIDE := $(if $(wildcard build/venv-bench/.done),mujoco,alone)
+## campaign: N=100 random grasps of each family under all solvers, laws judged in every step (FIRST=1 FAMILIES="boxes any" PROFILE=); page in build/campaign
+campaign: build/venv-campaign/.done build/venv-plot/.done
+	$(Q)$(MAKE) --no-print-directory $(B)/test/campaign_$(CAMPAIGN_BESIDE)
+	@mkdir -p build/campaign
+	$(Q)build/venv-campaign/bin/snakemake --snakefile test/campaign/Snakefile --directory build/campaign --quiet rules host progress --nolock \
+	  $(if $(PROFILE),--profile $(PROFILE),--cores $(JOBS)) --config root=$(CURDIR) worker=$(abspath $(B))/test/campaign_$(CAMPAIGN_BESIDE) \
+	  python=$(CURDIR)/build/venv-plot/bin/python grasps=$(N) first=$(FIRST) chunk=$(CHUNK) families="$(FAMILIES)" \
+	  solvers="dantzig quickstep mujoco" call='make campaign FAMILIES="$(FAMILIES)" N=$(N) FIRST=$(FIRST)'
+.PHONY: campaign
+build/venv-campaign/.done: build/.run-packages
+	$(Q)tools/packages python3-venv
+	@echo "  VENV build/venv-campaign (140 MB)"
+	$(Q)python3 -m venv build/venv-campaign
+	$(Q)build/venv-campaign/bin/pip install -q --disable-pip-version-check snakemake
+	@touch $@
+
 # Everything with Clang's fuzzer and sanitizers in it, in a build directory of its own.
 FUZZ     := $(basename $(notdir $(wildcard test/fuzz/fuzz_*.c)))
 FUZZ_S   ?= 600
@@ -373,6 +397,15 @@ $(B)/test/oracle/siconos.o: override CFLAGS += -isystem /usr/include/siconos -is
 $(B)/test/oracle_siconos: $(B)/test/oracle/siconos.o $(LIB)
 	@mkdir -p $(@D)
 	$(Q)$(CC) $(LDFLAGS) -Wl,--wrap=gv_choice_solve $^ -lsiconos_numerics $(LDLIBS) -o $@
+# The campaign's worker, by itself and beside MuJoCo.
+CAMPAIGN := $(addprefix $(B)/test/campaign/,campaign.o draw.o)
+$(B)/test/campaign_alone: $(CAMPAIGN) $(B)/test/campaign/peer_none.o $(LIB)
+	@mkdir -p $(@D)
+	$(Q)$(CC) $(LDFLAGS) -Wl,--wrap=gv_choice_solve $^ $(LDLIBS) -o $@
+$(B)/test/campaign_mujoco: $(CAMPAIGN) test/campaign/peer_mujoco.c $(LIB) build/venv-bench/.done
+	@mkdir -p $(@D)
+	$(Q)$(CC) -std=c11 -O2 -D_GNU_SOURCE -Iinclude -Isrc -Itest -isystem $(MUJOCO)/include $(CAMPAIGN) test/campaign/peer_mujoco.c $(LIB) \
+	  $(wildcard $(MUJOCO)/libmujoco.so.*) -Wl,-rpath,$(abspath $(MUJOCO)) -Wl,--wrap=gv_choice_solve $(LDLIBS) -o $@
 MUJOCO   = $(firstword $(wildcard build/venv-bench/lib/python3*/site-packages/mujoco))
 $(B)/test/bench_mujoco: test/bench/bench_mujoco.c $(LIB) build/venv-bench/.done
 	@mkdir -p $(@D)
@@ -389,7 +422,7 @@ $(B)/test/$(basename $(notdir $1)): $(B)/$(1:.c=.o) $(LIB)
 endef
 $(foreach source,$(wildcard test/*/test_*.c test/support/*_pipe.c),$(eval $(call test_program,$(source))))
 # The solvers' answers pass through the test.
-$(B)/test/test_coulomb: LDFLAGS += -Wl,--wrap=gv_choice_solve
+$(B)/test/test_coulomb $(B)/test/test_grasp: LDFLAGS += -Wl,--wrap=gv_choice_solve
 $(TESTS:%=$(B)/test/%):
 	@mkdir -p $(@D)
 	$(Q)$(CC) $(LDFLAGS) $^ $(LDLIBS) -o $@

@@ -8,14 +8,17 @@
 #include "dynamics/problem.h"
 
 typedef struct contact_laws {
-  double pull_n;          // a contact pulls
-  double closing_m_s;     // closes faster than its compliance allows, or pushes and separates (the lesser of force and speed)
-  double outside_n;       // friction beyond mu (1 + 1e-3) times the normal force
-  double creep_m_s;       // slip where friction is below its bound
-  double astray_deg;      // friction against slip, where both are there
-  double coulomb_n;       // friction beyond mu times the normal force
-  double dissipation_w;   // power that friction takes less than the most it could: mu f_n |u_t| + f_t u_t
-  double momentum_n_s;    // of a body, and its angular momentum at 0.1 m
+  double pull_n;         // a contact pulls
+  double closing_m_s;    // closes faster than its compliance allows, or pushes and parts (the lesser of both)
+  double outside_n;      // friction beyond mu (1 + 1e-3) times the normal force
+  double creep_m_s;      // slip where friction is below its bound
+  double astray_deg;     // friction against slip, where both are there
+  double coulomb_n;      // friction beyond mu times the normal force
+  double dissipation_w;  // power that friction takes less than the most it could: mu f_n |u_t| + f_t u_t
+  double momentum_n_s;   // of a body, and its angular momentum at 0.1 m
+  long loaded;           // contacts that carry more than a millinewton
+  long outside;          // of these, beyond the cone by more than 1e-4 N
+  double worst_ratio;    // of those: friction / (mu times normal force)
 } contact_laws;
 
 static inline double larger(double a, double b) { return b <= a ? a : b; }  // of a not-a-number: that
@@ -25,14 +28,26 @@ static inline gv_velocity velocity_after(const gv_problem *q, int body, const gv
 }
 
 // Of a over b.
-static inline gv_vec3 contact_velocity(const gv_problem *q, const gv_problem_contact *c, const gv_velocity v[]) {
+static inline gv_vec3 contact_velocity(const gv_problem *q, const gv_problem_contact *c,
+                                       const gv_velocity v[]) {
   const gv_velocity a = velocity_after(q, c->body_a, v), b = velocity_after(q, c->body_b, v);
   const gv_vec3 of_a = gv_add(a.v, gv_cross(a.w, gv_sub(c->point, q->body[c->body_a].p)));
   const gv_vec3 of_b = gv_add(b.v, gv_cross(b.w, gv_sub(c->point, q->body[c->body_b].p)));
   return gv_sub(of_a, of_b);
 }
 
-static inline void judge_contact(const gv_problem *q, const gv_problem_contact *c, const gv_velocity v[], gv_vec3 x, contact_laws *worst) {
+static inline void count_outside(double f_t, double f_n, double bound, contact_laws *worst) {
+  if (hypot(f_t, f_n) < 1e-3)
+    return;
+  worst->loaded++;
+  if (f_t <= bound * (1.0 + 1e-3) + 1e-4)
+    return;
+  worst->outside++;
+  worst->worst_ratio = larger(worst->worst_ratio, f_t / fmax(bound, 1e-4));
+}
+
+static inline void judge_contact(const gv_problem *q, const gv_problem_contact *c, const gv_velocity v[],
+                                 gv_vec3 x, contact_laws *worst) {
   const double h = q->step_s, x_n = gv_dot(x, c->frame[0]), f_n = x_n / h;
   const gv_vec3 u = contact_velocity(q, c, v), x_t = gv_mad(x, -x_n, c->frame[0]);
   const gv_vec3 u_t = gv_mad(u, -gv_dot(u, c->frame[0]), c->frame[0]);
@@ -43,33 +58,44 @@ static inline void judge_contact(const gv_problem *q, const gv_problem_contact *
   worst->coulomb_n = larger(worst->coulomb_n, f_t - bound);
   worst->dissipation_w = larger(worst->dissipation_w, fabs(bound * slip + gv_dot(x_t, u_t) / h));
   worst->outside_n = larger(worst->outside_n, f_t - bound * (1.0 + 1e-3));
-  if (f_t < bound * (1.0 - 1e-3) - 1e-4) worst->creep_m_s = larger(worst->creep_m_s, slip - c->tangent_compliance * h * f_t);
-  if (slip < 1e-5 + c->tangent_compliance * h * f_t || f_t < 1e-4) return;
+  count_outside(f_t, f_n, bound, worst);
+  if (f_t < bound * (1.0 - 1e-3) - 1e-4)
+    worst->creep_m_s = larger(worst->creep_m_s, slip - c->tangent_compliance * h * f_t);
+  if (slip < 1e-5 + c->tangent_compliance * h * f_t || f_t < 1e-4)
+    return;
   const double cosine = gv_clamp(-gv_dot(x_t, u_t) / (gv_norm(x_t) * slip), -1.0, 1.0);
   worst->astray_deg = larger(worst->astray_deg, acos(cosine) * 180.0 / GV_PI);
 }
 
-static inline void judge_momentum(const gv_problem *q, int body, const gv_velocity v[], const gv_vec3 x[], contact_laws *worst) {
+static inline void judge_momentum(const gv_problem *q, int body, const gv_velocity v[], const gv_vec3 x[],
+                                  contact_laws *worst) {
   const gv_problem_body *b = &q->body[body];
   gv_vec3 linear = gv_v3(0, 0, 0), angular = gv_v3(0, 0, 0);
   bool touched = false;
   for (int i = 0; i < q->contact_count; i++) {
     const gv_problem_contact *c = &q->contact[i];
-    if (c->body_a != body && c->body_b != body) continue;
+    if (c->body_a != body && c->body_b != body)
+      continue;
     const gv_vec3 y = gv_scale(x[i], c->body_a == body ? 1.0 : -1.0);
     touched = true;
     linear = gv_add(linear, y);
     angular = gv_add(angular, gv_cross(gv_sub(c->point, b->p), y));
   }
-  if (!touched || !(b->mass > 0.0)) return;
-  const gv_vec3 dp = gv_scale(gv_sub(v[body].v, b->v), b->mass), dL = gv_mat3_mul(&b->inertia, gv_sub(v[body].w, b->w));
-  worst->momentum_n_s = larger(worst->momentum_n_s, gv_norm(gv_sub(dp, linear)) + 10.0 * gv_norm(gv_sub(dL, angular)));
+  if (!touched || !(b->mass > 0.0))
+    return;
+  const gv_vec3 dp = gv_scale(gv_sub(v[body].v, b->v), b->mass),
+                dL = gv_mat3_mul(&b->inertia, gv_sub(v[body].w, b->w));
+  worst->momentum_n_s = larger(worst->momentum_n_s,
+                               gv_norm(gv_sub(dp, linear)) + 10.0 * gv_norm(gv_sub(dL, angular)));
 }
 
 // Adds what this answer does worst. v: of the bodies after the step; x: impulse on body a of each contact, N s, world.
-static inline void contact_laws_judge(const gv_problem *q, const gv_velocity v[], const gv_vec3 x[], contact_laws *worst) {
-  for (int i = 0; i < q->contact_count; i++) judge_contact(q, &q->contact[i], v, x[i], worst);
-  for (int b = 0; b < q->body_count; b++) judge_momentum(q, b, v, x, worst);
+static inline void contact_laws_judge(const gv_problem *q, const gv_velocity v[], const gv_vec3 x[],
+                                      contact_laws *worst) {
+  for (int i = 0; i < q->contact_count; i++)
+    judge_contact(q, &q->contact[i], v, x[i], worst);
+  for (int b = 0; b < q->body_count; b++)
+    judge_momentum(q, b, v, x, worst);
 }
 
 #endif
