@@ -34,8 +34,10 @@ static bool within(double x, double lo, double hi) { return x >= lo && x <= hi; 
 
 // ---- one object -------------------------------------------------------------------------------------------
 
-static bool is_ball(const gv_scene *scene, const gv_object *o) {
-  return o->piece_count == 1 && scene->piece[o->piece_first].vertex_count == 1;
+// On so many points it rests at the least: a ball on one, a capsule on two, another object on three or four.
+static int resting_points(const gv_scene *scene, const gv_object *o) {
+  const int corners = scene->piece[o->piece_first].vertex_count;
+  return o->piece_count == 1 && corners < 3 ? corners : 4;
 }
 
 static double volume_of(const gv_scene *scene, const gv_object *o) {
@@ -111,13 +113,13 @@ static void doubt_mass(doubts *d, const gv_object *o) {
     doubt(d, "'%s' has %.3g g, which no glove makes felt; masses are in kilograms", o->name, mass * 1e3);
 }
 
-// A ball rests on one point, another object on three or four; each is a spring of erp / (h cfm).
+// Each point is a spring of erp / (h cfm).
 static void doubt_weight(doubts *d, const gv_object *o) {
   const gv_config *c = d->cfg;
   const double k = c->contact_erp / (c->step_s * c->contact_cfm);
   const double g = c->override_gravity_m_s2 > 0.0 ? c->override_gravity_m_s2
                                                   : gv_norm(d->scene->gravity_m_s2);
-  const int points = is_ball(d->scene, o) ? 1 : 4;
+  const int points = resting_points(d->scene, o);
   const double sinks = mass_of(d, o) * g / (points * k);
   if (sinks <= most_sinking_m)
     return;
