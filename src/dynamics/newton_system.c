@@ -146,7 +146,7 @@ bool gv_newton_set_up(gv_newton *s, const gv_problem *problem) {
   s->count = problem->contact_count;
   make_nodes(s, problem);
   for (int i = 0; i < s->count; i++) {
-    if (problem->contact[i].friction != GV_FRICTION_PYRAMID)
+    if (problem->contact[i].friction != GV_FRICTION_COULOMB)
       return false;
     make_contact(s, problem, i);
     const gv_newton_contact *c = &s->contact[i];

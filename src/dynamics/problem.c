@@ -44,7 +44,7 @@ static bool is_sound(const gv_dynamics_contact *c) {
 // Softness on the normal row alone: friction rows that inherit a large CFM creep and drop the object.
 static void set_contact(gv_problem_contact *out, const gv_config *cfg, const gv_dynamics_contact *c,
                         double softness) {
-  const bool coulomb = c->friction == GV_FRICTION_PYRAMID;
+  const bool coulomb = c->friction == GV_FRICTION_COULOMB;
   out->body_a = c->body_a;
   out->body_b = c->body_b;
   out->point = c->position;

@@ -23,7 +23,7 @@ gv_config gv_config_default(void) {
     .operations_per_s = 3e8,  // 2.8 ns each were measured; less on an old machine
     .narrow = GV_NARROW_CORE,
     .mu_hand = 0.8,
-    .friction = GV_FRICTION_PYRAMID,
+    .friction = GV_FRICTION_COULOMB,
     .contact_erp = 0.2,
     .contact_cfm = 1e-3,  // 2e5 N/m and 800 N s/m at 1 ms
     .world_cfm = 1e-7,
@@ -63,7 +63,7 @@ gv_config gv_config_paper(void) {
 static const char *const rotation_laws[] = {[GV_ROTATION_LOG] = "log", [GV_ROTATION_PAPER] = "paper", NULL};
 static const char *const narrow_phases[] = {[GV_NARROW_CORE] = "core", [GV_NARROW_LIBCCD] = "libccd", NULL};
 static const char *const frictions[] = {
-  [GV_FRICTION_PYRAMID] = "pyramid", [GV_FRICTION_FIXED_LIMIT] = "fixed_limit", NULL};
+  [GV_FRICTION_COULOMB] = "coulomb", [GV_FRICTION_FIXED_LIMIT] = "fixed_limit", NULL};
 static const char *const solvers[] = {[GV_SOLVER_AUTO] = "auto",
                                       [GV_SOLVER_NEWTON] = "newton",
                                       [GV_SOLVER_DANTZIG] = "dantzig",
@@ -105,7 +105,7 @@ const gv_setting gv_engine_settings[GV_ENGINE_SETTINGS] = {
          "the narrow phase: our own; \"libccd\": the package's, where deep overlaps are seen a bit deeper"),
   NUMBER("contact", "mu_hand", mu_hand, 0, 1e4, "friction of the skin; objects have theirs in the scene"),
   CHOICE("contact", "friction", friction, frictions,
-         "Coulomb; \"fixed_limit\": mu is a force in newtons (Eqn 10)"),
+         "its round cone; \"fixed_limit\": mu is a force in newtons (Eqn 10)"),
   NUMBER("contact", "erp", contact_erp, 0, 1, "share of a penetration that one step takes back"),
   NUMBER("contact", "cfm", contact_cfm, 1e-9, 1, "softness of a contact's normal, m/(N s)"),
   NUMBER("contact", "world_cfm", world_cfm, 1e-14, 1e-2, "softness of everything else; never 0"),

@@ -254,7 +254,7 @@ static void draw_contact(gv_problem_contact *c) {
                             .target_velocity = draw(-0.1, 0.04),
                             .normal_compliance = 1.0,
                             .tangent_compliance = 1e-4,
-                            .friction = GV_FRICTION_PYRAMID,
+                            .friction = GV_FRICTION_COULOMB,
                             .mu = draw(0.1, 1.2)};
 }
 

@@ -172,6 +172,18 @@ static void test_paper_preset_comes_first(void) {
         "not the paper's");
 }
 
+// The law's name, and the one that it had when it was solved as a pyramid.
+static void test_friction_by_either_name(void) {
+  static const char *const word[] = {"coulomb", "pyramid"};
+  for (int i = 0; i < 2; i++) {
+    gv_settings s;
+    char text[120];
+    snprintf(text, sizeof text, "version = 1;\npreset = \"paper\";\ncontact = { friction = \"%s\"; };\n",
+             word[i]);
+    CHECK(load_settings(text, &s) == 0 && s.engine.friction == GV_FRICTION_COULOMB, "%s: %s", word[i], err);
+  }
+}
+
 static void test_settings_arrive(void) {
   gv_settings s;
   CHECK(load_settings(
@@ -498,6 +510,7 @@ int main(void) {
   RUN(test_unknown_narrow_phase_is_refused);
   RUN(test_calibration_example_equals_the_default);
   RUN(test_paper_preset_comes_first);
+  RUN(test_friction_by_either_name);
   RUN(test_settings_arrive);
   RUN(test_named_calibration_is_read);
   RUN(test_solver_by_its_name);

@@ -246,15 +246,15 @@ static double friction_force(const gv_friction_pair *pair, gv_friction of_box, d
 }
 
 static void test_friction_models_and_pairs(void) {
-  CHECK_NEAR(friction_force(NULL, GV_FRICTION_PYRAMID, 0.5, 0.32), 0.4 * G, 0.02);
+  CHECK_NEAR(friction_force(NULL, GV_FRICTION_COULOMB, 0.5, 0.32), 0.4 * G, 0.02);
   // Each of the four corners holds the limit, however it is pressed; it goes before the table's coefficient.
   CHECK_NEAR(friction_force(NULL, GV_FRICTION_FIXED_LIMIT, 0.7, 0.32), 4 * 0.7, 0.02);
-  const gv_friction_pair pair = {3, 2, GV_FRICTION_PYRAMID, 0.1};
+  const gv_friction_pair pair = {3, 2, GV_FRICTION_COULOMB, 0.1};
   const gv_friction_pair limit = {2, 3, GV_FRICTION_FIXED_LIMIT, 0.25};
-  const gv_friction_pair other = {2, 4, GV_FRICTION_PYRAMID, 0.1};
+  const gv_friction_pair other = {2, 4, GV_FRICTION_COULOMB, 0.1};
   CHECK_NEAR(friction_force(&pair, GV_FRICTION_FIXED_LIMIT, 0.7, 0.32), 0.1 * G, 0.02);
-  CHECK_NEAR(friction_force(&limit, GV_FRICTION_PYRAMID, 0.5, 0.32), 4 * 0.25, 0.02);
-  CHECK_NEAR(friction_force(&other, GV_FRICTION_PYRAMID, 0.5, 0.32), 0.4 * G, 0.02);
+  CHECK_NEAR(friction_force(&limit, GV_FRICTION_COULOMB, 0.5, 0.32), 4 * 0.25, 0.02);
+  CHECK_NEAR(friction_force(&other, GV_FRICTION_COULOMB, 0.5, 0.32), 0.4 * G, 0.02);
 }
 
 int main(void) {

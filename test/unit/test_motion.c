@@ -129,7 +129,7 @@ static void test_a_contact_that_is_left_out_has_no_force(void) {
                                        .friction_dir = {1, 0, 0},
                                        .depth = i == 0 ? NAN : 1e-4,
                                        .mu = 0.8,
-                                       .friction = GV_FRICTION_PYRAMID};
+                                       .friction = GV_FRICTION_COULOMB};
   gv_vec3 force[2] = {{7, 7, 7}, {7, 7, 7}};
   gv_dynamics_step(l.engine->dyn, contact, 2, force);
   CHECK(gv_norm(force[0]) == 0.0, "%g N of a contact that is none", gv_norm(force[0]));

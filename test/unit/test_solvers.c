@@ -96,8 +96,8 @@ static void test_a_solver_is_a_function(void) {
   static gv_problem q, other;
   static answer first[SOLVERS], again;
   for (int trial = 0; trial < 200; trial++) {
-    draw_problem(&q, GV_FRICTION_PYRAMID);
-    draw_problem(&other, trial % 2 ? GV_FRICTION_PYRAMID : GV_FRICTION_FIXED_LIMIT);
+    draw_problem(&q, GV_FRICTION_COULOMB);
+    draw_problem(&other, trial % 2 ? GV_FRICTION_COULOMB : GV_FRICTION_FIXED_LIMIT);
     for (int i = 0; i < SOLVERS; i++)
       first[i] = ask(&choice, solvers[i], &q);
     for (int i = 0; i < SOLVERS; i++)
@@ -159,7 +159,7 @@ static void test_dantzig_means_the_same_problem(void) {
   int differ = 0;
   int solved = 0;
   for (int trial = 0; trial < 2000; trial++) {
-    draw_problem(&q, GV_FRICTION_PYRAMID);
+    draw_problem(&q, GV_FRICTION_COULOMB);
     for (int i = 0; i < q.contact_count; i++)
       q.contact[i].mu *= 0.5;
     newton = ask(&choice, &gv_solver_newton, &q);
@@ -217,7 +217,7 @@ static void test_budget_is_of_the_period(void) {
   static answer a;
   for (int fits = 0; fits < 2; fits++) {
     gv_choice choice = open_solvers();
-    draw_problem(&q, GV_FRICTION_PYRAMID);
+    draw_problem(&q, GV_FRICTION_COULOMB);
     q.step_s = fits ? 1e-5 : 0.02;
     choice.period_s = fits ? 0.001 : 1e-6;
     const gv_solver_report report = gv_choice_solve(&choice, &q, a.velocity, a.impulse);
@@ -232,7 +232,7 @@ static void test_budget_is_of_the_period(void) {
 static void test_out_of_budget(void) {
   gv_choice choice = open_solvers();
   static gv_problem q;
-  draw_problem(&q, GV_FRICTION_PYRAMID);
+  draw_problem(&q, GV_FRICTION_COULOMB);
   q.budget_s = 1e-7;
   CHECK(ask(&choice, &gv_solver_newton, &q).outcome == GV_OUTCOME_NONE, "newton took its time");
   CHECK(ask(&choice, &gv_solver_dantzig, &q).outcome == GV_OUTCOME_NONE, "dantzig took its time");
@@ -360,7 +360,7 @@ static void test_gave_up_and_answers_as_before(void) {
   static gv_problem q, jam;
   static answer before[SOLVERS], again;
   do
-    draw_problem(&q, GV_FRICTION_PYRAMID);
+    draw_problem(&q, GV_FRICTION_COULOMB);
   while (q.contact_count < 8);
   for (int i = 1; i < SOLVERS; i++)
     before[i] = ask(&choice, solvers[i], &q);

@@ -11,14 +11,15 @@
 #define MAX_LIMIT_N 1000.0
 
 static void read_law(gv_conf_group *group, gv_friction *out_friction, double *out_mu) {
-  static const char *const models[] = {"pyramid", "fixed_limit", NULL};
-  int model = GV_FRICTION_PYRAMID;
-  gv_conf_choice(group, "friction", models, &model);
-  *out_friction = model ? GV_FRICTION_FIXED_LIMIT : GV_FRICTION_PYRAMID;
-  if (model)
+  static const char *const laws[] = {"coulomb", "fixed_limit", NULL};
+  int law = 0;
+  gv_conf_choice(group, "friction", laws, &law);
+  const bool fixed = law == 1;
+  *out_friction = fixed ? GV_FRICTION_FIXED_LIMIT : GV_FRICTION_COULOMB;
+  if (fixed)
     gv_conf_need(group, "mu", "mu = <newtons>: the most that a contact holds");
   *out_mu = DEFAULT_MU;
-  gv_conf_number(group, "mu", 0, model ? MAX_LIMIT_N : MAX_COEFFICIENT, out_mu);
+  gv_conf_number(group, "mu", 0, fixed ? MAX_LIMIT_N : MAX_COEFFICIENT, out_mu);
 }
 
 static int find_material(const gv_materials *m, const char *name) {
