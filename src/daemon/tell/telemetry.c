@@ -41,7 +41,7 @@ enum { COMMAND_HEAD = 8 + 8 + 1 + 8 + 4, COMMAND_TEXT_AT = COMMAND_HEAD - 4 };
 _Static_assert(GV_RECORD_REQUEST == 4, "programs that send commands wait for events of kind 4");
 enum {
   EVENT_COMMAND = GV_RECORD_REQUEST,
-  COMMANDS_A_PASS = 32,
+  COMMANDS_A_PASS = 1000,  // some 2 ms; LCM keeps as many, so that a disarm finds room in a burst of others
   ANSWER_TEXT = GV_STATUS_BYTES + 100,
   QUESTIONS = GV_REQUEST_PER_SECOND
 };
@@ -721,6 +721,14 @@ static bool has_sound_length(const uint8_t *data, size_t size) {
   return length == size - COMMAND_HEAD && data[size - 1] == 0;
 }
 
+// Whoever floods the channel, be it with sound commands, must not fill network and log with answers.
+static void complain(gv_telemetry *telemetry, int kind, int64_t tag, const char *refusal) {
+  if (gv_request_may_complain(&telemetry->complaints, telemetry->listened_ns))
+    answer(telemetry, kind, tag, refusal);
+  else
+    telemetry->commands_refused++;
+}
+
 static void on_command(const lcm_recv_buf_t *buffer, const char *channel, void *user) {
   gv_telemetry *telemetry = user;
   gloved_command_t command;
@@ -730,12 +738,7 @@ static void on_command(const lcm_recv_buf_t *buffer, const char *channel, void *
     return;
   if (!has_sound_length(buffer->data, buffer->data_size) ||
       gloved_command_t_decode(buffer->data, 0, (int)buffer->data_size, &command) < 0) {
-    telemetry->commands_refused++;
-    // Whoever floods the channel must not fill the log with answers.
-    if (gv_request_may_complain(&telemetry->complaints, telemetry->listened_ns)) {
-      telemetry->commands_refused--;
-      answer(telemetry, -1, 0, "not a gloved_command_t; use the type in data/lcm");
-    }
+    complain(telemetry, -1, 0, "not a gloved_command_t; use the type in data/lcm");
     return;
   }
   const gv_request_message message = {command.kind, command.value, command.text, command.utime};
@@ -743,7 +746,7 @@ static void on_command(const lcm_recv_buf_t *buffer, const char *channel, void *
   if (gv_request_check(&message, &telemetry->rate, telemetry->listened_ns, &request, why))
     obey(telemetry, &request);
   else
-    answer(telemetry, command.kind, command.utime, why);
+    complain(telemetry, command.kind, command.utime, why);
   gloved_command_t_decode_cleanup(&command);
 }
 
@@ -829,7 +832,10 @@ static lcm_t *create_quietly(const char *url, gv_telemetry *telemetry) {
   // server pleases, and ends the process where that failed. Null: LCM sent itself a message and did not get
   // it back (after up to ten seconds).
   telemetry->listens = lcm && strncmp(url, "udpm:", 5) == 0;
-  if (telemetry->listens && !lcm_subscribe(lcm, "GLOVED_COMMAND", on_command, telemetry)) {
+  lcm_subscription_t *commands = NULL;
+  if (telemetry->listens && (commands = lcm_subscribe(lcm, "GLOVED_COMMAND", on_command, telemetry)))
+    lcm_subscription_set_queue_capacity(commands, COMMANDS_A_PASS);
+  if (telemetry->listens && !commands) {
     telemetry->listens = false;
     lcm_destroy(lcm);
     lcm = NULL;
