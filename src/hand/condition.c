@@ -20,6 +20,13 @@ static const double hz_per_m_s = 100.0;
 static const double pace_hz = 3.0;
 // Samples come in bunches: the way that a gate lets pass is that of this time at the least.
 static const double gate_least_s = 0.01;
+// Of a tracker whose poses are repeated: what is waited for a new one at most.
+static const double repeats_s = 0.03;
+// And two receivers of a FASTRAK are measured 60 times a second each, however often a log writes them down:
+// of poses that come less often than 200 times a second, the way that a gate lets pass is that of this time
+// at the least.
+static const double slow_tracker_s = 0.005;
+static const double pose_least_s = 1.0 / 60.0;
 
 // exp(-x), x >= 0, from + and * alone: halved until small, Taylor, squared back.
 static double exp_neg(double x) {
@@ -131,6 +138,27 @@ static bool pose_jumps(const gv_pose *T, const gv_pose *from, double gate_m, dou
   return gate_rad > 0.0 && gv_norm(gv_quat_log(gv_quat_mul(T->q, gv_quat_conj(from->q)))) > gate_rad;
 }
 
+// A log that is faster than its tracker holds poses twice, and what comes then has had the time of both; a
+// tracker that stands still for longer says nothing about how far the hand may have got.
+static double pose_age(const gv_condition *c) {
+  const double age_s = c->pose_age_s < slow_tracker_s ? c->pose_age_s : fmax(c->pose_age_s, pose_least_s);
+  return fmax(age_s, fmin(c->pose_news_s, repeats_s));
+}
+
+// Where a hand that goes on as it went would be now; its orientation is that of the last pose.
+static gv_pose led_on(const gv_condition *c, double age_s) {
+  const double share = c->wrist_step_s > 0.0 ? fmin(age_s / c->wrist_step_s, 2.0) : 0.0;
+  return (gv_pose){c->wrist_target.q, gv_mad(c->wrist_target.p, share, c->wrist_step_m)};
+}
+
+static void accept_pose(gv_condition *c, const gv_pose *T, double age_s) {
+  c->wrist_step_m = gv_sub(T->p, c->wrist_target.p);
+  c->wrist_step_s = age_s;
+  c->wrist_target = *T;
+}
+
+static bool same_pose(const gv_pose *a, const gv_pose *b) { return memcmp(a, b, sizeof *a) == 0; }
+
 static int take_pose(gv_condition *c, const gv_config *cfg, const gv_sample *sample) {
   gv_pose T = sample->T_world_receiver;
   double n = T.q.w * T.q.w + T.q.x * T.q.x + T.q.y * T.q.y + T.q.z * T.q.z;
@@ -138,21 +166,31 @@ static int take_pose(gv_condition *c, const gv_config *cfg, const gv_sample *sam
     return refuse(c, GV_SAMPLE_NOT_FINITE);
   if (fabs(n - 1.0) > 0.01 || gv_norm(T.p) > 100.0)
     return refuse(c, GV_SAMPLE_NO_POSE);
-  const double gate_m = gate_of(cfg->gate_m_s, c->pose_age_s);
-  const double gate_rad = gate_of(cfg->gate_rad_s, c->pose_age_s);
+  const double age_s = pose_age(c);
+  const double gate_m = gate_of(cfg->gate_m_s, age_s);
+  const double gate_rad = gate_of(cfg->gate_rad_s, age_s);
   c->pose_age_s = 0.0;
   T.q = gv_quat_normalize(T.q);
   T = gv_pose_mul(T, cfg->T_receiver_wrist);
   if (!c->pose_seen) {
     c->wrist = c->wrist_target = c->wrist_held = T;
     c->pose_seen = true;
+    c->pose_news_s = 0.0;
     return 0;
   }
+  const bool repeated = same_pose(&T, &c->wrist_held);
   const bool confirmed = c->wrist_holding && !pose_jumps(&T, &c->wrist_held, gate_m, gate_rad);
-  c->wrist_holding = pose_jumps(&T, &c->wrist_target, gate_m, gate_rad) && !confirmed;
+  const gv_pose ahead = led_on(c, age_s);
+  const bool jumps = pose_jumps(&T, &c->wrist_target, gate_m, gate_rad) &&
+                     pose_jumps(&T, &ahead, gate_m, gate_rad);
+  c->wrist_holding = jumps && !confirmed;
   c->wrist_held = T;
-  if (!c->wrist_holding)
+  if (!c->wrist_holding && !repeated)
+    accept_pose(c, &T, age_s);
+  else if (!c->wrist_holding)
     c->wrist_target = T;
+  if (!repeated)
+    c->pose_news_s = 0.0;
   return c->wrist_holding ? refuse(c, GV_SAMPLE_JUMP) : 0;
 }
 
@@ -194,6 +232,7 @@ void gv_condition_step(gv_condition *c, const gv_config *cfg) {
   assert(cfg->step_s > 0.0);
   c->glove_age_s += cfg->step_s;
   c->pose_age_s += cfg->step_s;
+  c->pose_news_s += cfg->step_s;
   for (int i = 0; i < GV_SENSORS; i++)
     step_joint(c, i);
   gv_vec3 e = gv_sub(c->wrist.p, c->wrist_target.p);

@@ -34,9 +34,12 @@ typedef struct gv_condition {
   gv_pose wrist;  // filtered T_world_wrist
   gv_vec3 v, w;   // its velocity, m/s and rad/s, world
   gv_pose wrist_target, wrist_held;
+  gv_vec3 wrist_step_m;  // the way from the accepted pose before to wrist_target,
+  double wrist_step_s;   // and what it took; 0: none
   bool wrist_holding, glove_seen, pose_seen;
   bool smooth;                     // the filter is on
   double glove_age_s, pose_age_s;  // time since the last sample of each
+  double pose_news_s;              // and since the last pose that was another than the one before
   double pace[GV_SENSORS];         // rates without their noise: they choose the corners
   gv_vec3 pace_v, pace_w;
   double pace_share;                        // of the way from pace to rate that a step takes

@@ -201,6 +201,19 @@ def test_import_of_real_recordings():
         assert " jump" in run("info", path("door.log")).stdout
 
 
+def test_recorded_wrists_are_not_held_back():
+    """Real hands at a tracker, 100 Hz logs of a slower stream: where one is only fast, no pose is held back."""
+    if not os.path.isdir(RECORDINGS):
+        pytest.skip("needs recordings of real hands, which are not part of this repository (looked for in ../shared/data)")
+    gloved = os.path.join(os.environ["B"], "gloved")
+    for wrist in ("user1_cup0", "user1_spray_can0", "user1_toolbox0", "user2_b_jug0"):
+        run("import", path("few.csv", "t_s,index_mpj\n0,0\n3,1\n"), "-o", path("fast.log"), "--wrist", f"{RECORDINGS}/fastrak_wrist/{wrist}.traj")
+        subprocess.run([gloved, "--fcu", f"trace:{path('fast.log')}?speed=0", "--lcm", "none", "--summary", path("s.json")], capture_output=True, check=True)
+        with open(path("s.json"), encoding="utf-8") as file:
+            report = json.load(file)
+        assert report["samples_refused"] == 0 and report["frames"]["rx"] > 180, (wrist, report["samples_refused"])
+
+
 def info_row(text, name):
     """frames, rate, gap, lost, behind, refused, ages of one message."""
     words = next(line for line in text.splitlines() if name in line.split()[:2]).split()

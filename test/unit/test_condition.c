@@ -168,6 +168,39 @@ static void test_a_true_jump_passes_at_the_second_sample(void) {
   CHECK_NEAR(c.angle[GV_INDEX_MPJ], 0.8, 1e-9);
 }
 
+// A hand at 6 m/s under a log of 100 Hz that holds every pose of a slower tracker twice (RMonica/hand-polhemus-dataset): it is
+// only fast. A pose that is elsewhere is held back all the same.
+static void test_a_fast_hand_is_no_jump(void) {
+  start();
+  int held = 0;
+  double x = 0.0;
+  for (int ms = 0; ms < 600; ms++) {
+    const double speed = 6.0 * fmin(1.0, ms / 150.0);
+    if (ms % 20 == 0)
+      x += 0.02 * speed;
+    const bool astray = ms == 400;
+    const gv_sample p = pose_at((gv_pose){{1, 0, 0, 0}, {x + (astray ? 0.3 : 0.0), 0, 0}});
+    if (ms % 10 == 0)
+      held += gv_condition_sample(&c, &cfg, &p, &limited) != (astray ? 1 : 0);
+    gv_condition_step(&c, &cfg);
+  }
+  CHECK(held == 0, "%d poses were judged wrongly", held);
+  CHECK(fabs(c.wrist_target.p.x - x) < 1e-9, "%g m behind", x - c.wrist_target.p.x);
+}
+
+// A tracker that repeats itself for a second has not moved: what is 0.2 m away then is a jump.
+static void test_standing_still_opens_no_gate(void) {
+  start();
+  int held = 0;
+  for (int ms = 0; ms < 1100; ms += 10) {
+    const gv_sample p = pose_at((gv_pose){{1, 0, 0, 0}, {ms == 1000 ? 0.2 : 0.0, 0, 0}});
+    held += gv_condition_sample(&c, &cfg, &p, &limited);
+    for (int i = 0; i < 10; i++)
+      gv_condition_step(&c, &cfg);
+  }
+  CHECK(held == 1, "%d held back", held);
+}
+
 // Two samples that jump, each elsewhere, do not confirm each other.
 static void test_two_jumps_do_not_make_a_movement(void) {
   start();
@@ -350,6 +383,8 @@ int main(void) {
   RUN(test_a_pose_turns_the_short_way_and_arrives);
   RUN(test_single_jumps_leave_no_mark);
   RUN(test_a_true_jump_passes_at_the_second_sample);
+  RUN(test_a_fast_hand_is_no_jump);
+  RUN(test_standing_still_opens_no_gate);
   RUN(test_two_jumps_do_not_make_a_movement);
   RUN(test_no_prediction_beyond_the_anatomy);
   RUN(test_a_pose_beyond_100_m_is_none);
