@@ -143,7 +143,6 @@ static int open_telemetry(program *p) {
   const bool required = p->options.lcm || strcmp(p->settings.lcm, defaults.lcm) != 0;
   const gv_telemetry_config telemetry = {.lcm_url = p->settings.lcm,
                                          .lcm_required = required,
-                                         .log_path = p->options.check ? NULL : p->options.log,
                                          .scene = &p->world.scene,
                                          .hand = &p->settings.engine.hand,
                                          .arena = &p->world.arena,
@@ -176,6 +175,15 @@ static int open_recorder(program *p) {
   if (gv_about_write(&p->about, p->options.record, p->err, sizeof p->err))
     return -1;
   return gv_recorder_open(&p->recorder, p->options.record, p->settings.fcu, p->err, sizeof p->err);
+}
+
+// Nothing that is there is emptied before all else stands; the recording's words, which a full disk may refuse, come first.
+static int open_outputs(program *p) {
+  if (open_recorder(p) || open_summary(p))
+    return -1;
+  if (!p->options.log || p->options.check)
+    return 0;
+  return gv_telemetry_log(p->telemetry, p->options.log, p->err, sizeof p->err);
 }
 
 // For a hand: a replay has its recording already.
@@ -296,11 +304,9 @@ static int set_up(program *p) {
              p->settings.fcu);
     return -1;
   }
-  if (open_black_box(p))
+  if (open_black_box(p) || open_telemetry(p))
     return -1;
-  if (open_telemetry(p) || open_recorder(p))
-    return -1;
-  return open_summary(p);
+  return open_outputs(p);
 }
 
 // ---- run ------------------------------------------------------------------------------------------------
@@ -501,6 +507,9 @@ static int examine(program *p) {
 
 int main(int argc, char **argv) {
   gv_keep_standard_files();
+  signal(
+      SIGXFSZ,
+      SIG_IGN);  // a file that may not grow is an error of the set-up; later it ends the run (catch_signals)
   static program p;  // 4 MB
   int code = BAD_INPUT;
   if (gv_options_parse(argc, argv, &p.options, p.err, sizeof p.err)) {

@@ -77,6 +77,12 @@ ln -s nowhere "$tmp/dangling"
 timeout 10 "$gloved" --check --lcm none --fcu "$press" --record "$tmp/dangling" > "$tmp/out" 2>&1; code=$?
 [ $code -eq 2 ] && [ -L "$tmp/dangling" ] && [ ! -e "$tmp/nowhere" ]; verdict a_link_to_nothing_stays $? "exit $code: $(cat "$tmp/out")"
 
+# A disk without room: the start is refused, and what is there stays.
+for file in log lcm json log.about; do echo precious > "$tmp/old.$file"; done
+(ulimit -f 0; exec timeout 10 "$gloved" --lcm none --fcu "$press" --record "$tmp/old.log" --log "$tmp/old.lcm" --summary "$tmp/old.json" --duration 0.1) > /dev/null 2> /dev/null; code=$?
+[ $code -eq 2 ] && [ "$(sort -u "$tmp/old.log" "$tmp/old.lcm" "$tmp/old.json" "$tmp/old.log.about")" = precious ] && [ ! -e "$tmp/old.log.about.part" ]
+verdict a_full_disk_at_the_start_leaves_all_alone $? "exit $code: $(head -c 30 "$tmp/old".*)"
+
 # A disk with room for 200 kB.
 for option in --record --log; do
   (ulimit -f 400; exec timeout 20 "$gloved" --fcu "$press?speed=0" --lcm none --duration 8 "$option" "$tmp/large") > "$tmp/out" 2> "$tmp/err"; code=$?

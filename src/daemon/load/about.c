@@ -110,29 +110,37 @@ static void put_file(FILE *out, const char *key, const gv_about_file *file) {
   fputs("};\n", out);
 }
 
+static int write_whole(const gv_about *about, const char *path, const char *name) {
+  FILE *out = fopen(name, "w");
+  if (!out)
+    return -1;
+  fprintf(out, "# What %s was made of; gloved reads it when the recording is replayed.\nversion = 1;\n",
+          path);
+  put_text(out, "program", about->version);
+  put_text(out, "commit", about->commit);
+  put_text(out, "date", about->date);
+  put_text(out, "command_line", about->command_line);
+  put_text(out, "fcu", about->fcu);
+  put_text(out, "tracker", about->tracker);
+  put_text(out, "hand", about->hand);
+  fprintf(out, "rate_hz = %.9f;\n", about->rate_hz);
+  put_file(out, "scene", &about->scene);
+  put_file(out, "settings", &about->settings);
+  const bool whole = !ferror(out);
+  return fclose(out) == 0 && whole ? 0 : -1;
+}
+
+// Beside it first, so that a disk that is full leaves the words of an older recording whole.
 int gv_about_write(const gv_about *about, const char *path, char *err, size_t err_size) {
   char name[4200];
+  char beside[4210];
   snprintf(name, sizeof name, "%s.about", path);
-  FILE *out = fopen(name, "w");
-  if (out) {
-    fprintf(out, "# What %s was made of; gloved reads it when the recording is replayed.\nversion = 1;\n",
-            path);
-    put_text(out, "program", about->version);
-    put_text(out, "commit", about->commit);
-    put_text(out, "date", about->date);
-    put_text(out, "command_line", about->command_line);
-    put_text(out, "fcu", about->fcu);
-    put_text(out, "tracker", about->tracker);
-    put_text(out, "hand", about->hand);
-    fprintf(out, "rate_hz = %.9f;\n", about->rate_hz);
-    put_file(out, "scene", &about->scene);
-    put_file(out, "settings", &about->settings);
-    const bool whole = !ferror(out);
-    if (fclose(out) == 0 && whole)
-      return 0;
-  }
+  snprintf(beside, sizeof beside, "%s.part", name);
+  if (write_whole(about, path, beside) == 0 && rename(beside, name) == 0)
+    return 0;
   snprintf(err, err_size, "%s: cannot be written (%s); choose another place for the recording", name,
            strerror(errno));
+  unlink(beside);
   return -1;
 }
 

@@ -859,8 +859,6 @@ gv_telemetry *gv_telemetry_open(const gv_telemetry_config *cfg, char *err, size_
   telemetry.hand = cfg->hand;
   telemetry.about = cfg->about;
   telemetry.settings = cfg->settings;
-  if (cfg->log_path)
-    snprintf(telemetry.log_name, sizeof telemetry.log_name, "%s", cfg->log_path);
   telemetry.begin_scene = cfg->begin_scene;
   telemetry.scene_ended = cfg->scene_ended;
   telemetry.user = cfg->user;
@@ -874,12 +872,16 @@ gv_telemetry *gv_telemetry_open(const gv_telemetry_config *cfg, char *err, size_
     if (cfg->lcm_required)
       return NULL;
   }
-  if (!cfg->log_path || (telemetry.log = lcm_eventlog_create(cfg->log_path, "w")))
-    return &telemetry;
-  snprintf(err, err_size, "%s: the log file cannot be written; choose another place for --log",
-           cfg->log_path);
-  gv_telemetry_close(&telemetry);
-  return NULL;
+  return &telemetry;
+}
+
+int gv_telemetry_log(gv_telemetry *telemetry, const char *path, char *err, size_t err_size) {
+  snprintf(telemetry->log_name, sizeof telemetry->log_name, "%s", path);
+  telemetry->log = lcm_eventlog_create(path, "w");
+  if (telemetry->log)
+    return 0;
+  snprintf(err, err_size, "%s: the log file cannot be written; choose another place for --log", path);
+  return -1;
 }
 
 void gv_telemetry_attach(gv_telemetry *telemetry, gv_loop *loop) {

@@ -17,7 +17,6 @@ typedef struct gv_telemetry gv_telemetry;
 typedef struct gv_telemetry_config {
   const char *lcm_url;        // "none": no network
   bool lcm_required;          // an LCM that does not start is an error
-  const char *log_path;       // null: no log
   const gv_scene *scene;      // must outlive the telemetry
   const gv_hand_model *hand;  // drawn
   const gv_arena *arena;      // its figures are published; must outlive the telemetry
@@ -32,10 +31,11 @@ typedef struct gv_telemetry_config {
   const atomic_bool *give_up;   // from when on nothing is sent any more (the log goes on)
 } gv_telemetry_config;
 
-// One at a time per process. Null with one line (what, what to do) in err where the log cannot be
-// written, or LCM does not start although it is required; where it is not, err says so and the rest
-// works. err is empty when all is well.
+// One at a time per process. Null with one line (what, what to do) in err where LCM does not start
+// although it is required; where it is not, err says so and the rest works. err is empty when all is well.
 gv_telemetry *gv_telemetry_open(const gv_telemetry_config *cfg, char *err, size_t err_size);
+// Logs into this file, which is emptied: the last thing before gv_telemetry_attach. 0, or negative with a line in err.
+int gv_telemetry_log(gv_telemetry *telemetry, const char *path, char *err, size_t err_size);
 // Before the loop starts: it is the one that commands are for. A log wants every step from the first.
 void gv_telemetry_attach(gv_telemetry *telemetry, gv_loop *loop);
 // The scene given to gv_telemetry_open has other objects now; answers the command that asked
