@@ -168,8 +168,8 @@ all: $(B)/gloved $(TOOLS:%=$(B)/%) $(TESTS:%=$(B)/test/%) $(B)/test/bench_engine
 # Meshes that become scenes (about 5 s each, the full bunny 20 s): things of our own, and Debian's bunny.
 # gloved-scene and gloved-shapes make the virtual environment that they need. Masses in kilograms.
 SHAPES := bottle bowl cone cup dice dumbbell hammer mug pawn ring screwdriver star_knob torus wrench
-## scenes: the Stanford bunny (250 and 69,666 triangles) and a dozen things to grasp, compiled into build/scenes
-scenes: $(patsubst %,build/scenes/%.scene,bunny250 bunny $(SHAPES))
+## scenes: the Stanford bunny (250 and 69,666 triangles), a horse, a cat and a dozen things to grasp, compiled into build/scenes
+scenes: $(patsubst %,build/scenes/%.scene,bunny250 bunny horse cat $(SHAPES))
 
 BUNNY  := /usr/share/glmark2/models/bunny.obj
 COMPILER := $(filter-out tools/mesh/shapes.py,$(wildcard tools/mesh/*))
@@ -189,6 +189,14 @@ build/scenes/bunny250.scene build/scenes/bunny.scene: $(COMPILER)
 	$(Q)tools/packages glmark2-data
 	@echo "  MESH $(basename $(@F))"
 	$(Q)tools/gloved-scene $(BUNNY) -o $@ --up y --size 0.11 --mass $(KG) --place-on-table $(DETAIL)
+# Animals of Debian's glmark2-data: edges where three faces meet, holes, eyes that are parts of their own.
+build/scenes/horse.scene: LONG = 0.15
+build/scenes/cat.scene: LONG = 0.12
+build/scenes/horse.scene build/scenes/cat.scene: $(COMPILER)
+	@mkdir -p $(@D)
+	$(Q)tools/packages glmark2-data
+	@echo "  MESH $(basename $(@F))"
+	$(Q)tools/gloved-scene /usr/share/glmark2/models/$(basename $(@F)).3ds -o $@ --repair --up y --size $(LONG) --mass $(KG) --place-on-table
 ## test-scenes: compile every scene, then grasp, lift and hold each object in the simulated hand
 test-scenes: scenes $(B)/test/test_grasp
 	$(Q)B=$(B) test/run test_grasp

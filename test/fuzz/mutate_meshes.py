@@ -1,9 +1,11 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Damaged mesh files against gloved-scene: whatever was done to an OBJ, STL or PLY file, the answer is a scene or one line that
+"""Damaged mesh files against gloved-scene: whatever was done to an OBJ, STL, PLY, OFF, glTF or 3DS file, the answer is a scene or one line that
 names the file, says what is wrong and what to do, and it comes soon. Each mutant has a seed, printed where it fails;
 GV_SEED=N runs that one alone, GV_MUTANTS=N so many of each kind of file."""
+import base64
 import contextlib
 import io
+import json
 import os
 import random
 import signal
@@ -16,12 +18,14 @@ import warnings
 sys.path.insert(0, "tools/mesh")
 sys.dont_write_bytecode = True
 import read as reading      # noqa: E402
+import repair               # noqa: E402
 import scene as compiler    # noqa: E402
 import shapes               # noqa: E402
 import solid                # noqa: E402
 
 MUTANTS = int(os.environ.get("GV_MUTANTS", "400"))
 COMPILED = 12               # of each kind: through the whole compiler, which takes a second
+FOREIGN_MUTANTS = MUTANTS // 4  # of a kind that a library reads in a process of its own
 SOON_S = 20
 BIG = (0, 1, -1, 2, 255, 256, 2**31 - 1, -2**31, 2**32 - 1, 2**63, 10**11, 10**30)
 WORDS = ("nan", "inf", "-inf", "1e308", "-1e308", "1e-320", "element nothing 100000000000", "element face 3", "property list float int vertex_indices",
@@ -46,6 +50,36 @@ def sources():
         else:
             body = ("".join("%r %r %r\n" % v for v in vertex) + "".join("3 %d %d %d\n" % f for f in face)).encode()
         yield f"{kind}.ply", head + body
+
+
+def foreign_sources():
+    """The same in the kinds that a library reads."""
+    vertex, face = shapes.THINGS["dice"]().triangles()
+    vertex, face = [tuple(map(float, v)) for v in vertex], [tuple(map(int, f)) for f in face]
+    yield "m.off", (f"OFF\n{len(vertex)} {len(face)} 0\n" + "".join("%r %r %r\n" % v for v in vertex)
+                    + "".join("3 %d %d %d\n" % f for f in face)).encode()
+
+    def chunk(number, data):
+        return struct.pack("<HI", number, 6 + len(data)) + data
+    points = chunk(0x4110, struct.pack("<H", len(vertex)) + b"".join(struct.pack("<3f", *v) for v in vertex))
+    sides = chunk(0x4120, struct.pack("<H", len(face)) + b"".join(struct.pack("<4H", *f, 0) for f in face))
+    yield "m.3ds", chunk(0x4D4D, chunk(0x3D3D, chunk(0x4000, b"a\0" + chunk(0x4100, points + sides))))
+    blob = b"".join(struct.pack("<3f", *v) for v in vertex) + b"".join(struct.pack("<3H", *f) for f in face)
+    start = 12 * len(vertex)
+    about = {"asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [0]}], "nodes": [{"mesh": 0}],
+             "meshes": [{"primitives": [{"attributes": {"POSITION": 0}, "indices": 1}]}],
+             "buffers": [{"byteLength": len(blob), "uri": "data:application/octet-stream;base64," + base64.b64encode(blob).decode()}],
+             "bufferViews": [{"buffer": 0, "byteOffset": 0, "byteLength": start},
+                             {"buffer": 0, "byteOffset": start, "byteLength": len(blob) - start}],
+             "accessors": [{"bufferView": 0, "componentType": 5126, "count": len(vertex), "type": "VEC3",
+                            "min": [min(c) for c in zip(*vertex)], "max": [max(c) for c in zip(*vertex)]},
+                           {"bufferView": 1, "componentType": 5123, "count": 3 * len(face), "type": "SCALAR"}]}
+    yield "m.gltf", json.dumps(about).encode()
+    del about["buffers"][0]["uri"]
+    text = json.dumps(about).encode()
+    text, body = text + b" " * (-len(text) % 4), blob + bytes(-len(blob) % 4)
+    chunks = struct.pack("<I4s", len(text), b"JSON") + text + struct.pack("<I4s", len(body), b"BIN\0") + body
+    yield "m.glb", b"glTF" + struct.pack("<2I", 2, 12 + len(chunks)) + chunks
 
 
 def mutate(data, rng):
@@ -96,7 +130,11 @@ def check(path, whole):
                 code = compiler.main([path, "-o", path + ".scene", "--size", "0.1", "--threshold", "0.3"])
             last = said.getvalue().strip().splitlines()[-1]
             return "" if code == 0 or (code == 2 and path in last and ";" in last) else f"exit code {code}: {last}"
-        solid.check(reading.read(path))
+        mesh = reading.read(path)
+        try:
+            solid.check(mesh)
+        except reading.Fault:
+            solid.check(repair.repair(mesh, "all"))
         return ""
     except reading.Fault as fault:
         return "" if str(fault).startswith(path) and (";" in str(fault) or ":" in str(fault)) and "\n" not in str(fault) else f"not a sentence: {fault}"
@@ -108,7 +146,8 @@ def check(path, whole):
 
 def test_mutants(name, data, folder):
     path = os.path.join(folder, name)
-    seeds = [int(os.environ["GV_SEED"])] if "GV_SEED" in os.environ else range(MUTANTS)
+    count = FOREIGN_MUTANTS if name.rsplit(".", 1)[-1] in reading.FOREIGN else MUTANTS
+    seeds = [int(os.environ["GV_SEED"])] if "GV_SEED" in os.environ else range(count)
     for seed in seeds:
         with open(path, "wb") as f:
             f.write(mutate(data, random.Random(f"{name} {seed}")))
@@ -122,7 +161,7 @@ def main():
     failed = False
     signal.signal(signal.SIGALRM, on_alarm)
     with tempfile.TemporaryDirectory(prefix="gloved-test-") as folder:
-        for name, data in sources():
+        for name, data in (*sources(), *foreign_sources()):
             why = test_mutants(name, data, folder)
             print("".join(f"  {line}\n" for line in why.splitlines()) + f"{'FAIL' if why else 'ok'} mutants_of_{name}_are_answered", flush=True)
             failed |= bool(why)

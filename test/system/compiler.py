@@ -3,6 +3,7 @@
 geometry of this file's own, and that the daemon takes the result. Run by test_compiler.sh."""
 import contextlib
 import io
+import json
 import math
 import os
 import re
@@ -121,6 +122,39 @@ def stl_binary(vertices, faces):
         struct.pack("<12fH", 0, 0, 0, *(x for i in f for x in vertices[i - 1]), 0) for f in faces)
 
 
+def off(vertices, faces):
+    rows = ["%s %s %s" % v for v in vertices] + [" ".join(map(str, (len(f), *(i - 1 for i in f)))) for f in faces]
+    return "\n".join(["OFF", f"{len(vertices)} {len(faces)} 0", *rows, ""])
+
+
+def max3ds(vertices, faces):
+    """The chunks of a 3DS file that hold one mesh."""
+    def chunk(number, data):
+        return struct.pack("<HI", number, 6 + len(data)) + data
+    points = chunk(0x4110, struct.pack("<H", len(vertices)) + b"".join(struct.pack("<3f", *v) for v in vertices))
+    sides = chunk(0x4120, struct.pack("<H", len(faces)) + b"".join(struct.pack("<4H", *(i - 1 for i in f), 0) for f in faces))
+    return chunk(0x4D4D, chunk(0x3D3D, chunk(0x4000, b"a\0" + chunk(0x4100, points + sides))))
+
+
+def glb(vertices, faces):
+    """Binary glTF: a JSON and a block of numbers."""
+    points = b"".join(struct.pack("<3f", *v) for v in vertices)
+    numbers = b"".join(struct.pack("<3H", *(i - 1 for i in f)) for f in faces)
+    about = {"asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [0]}], "nodes": [{"mesh": 0}],
+             "meshes": [{"primitives": [{"attributes": {"POSITION": 0}, "indices": 1}]}],
+             "buffers": [{"byteLength": len(points + numbers)}],
+             "bufferViews": [{"buffer": 0, "byteOffset": 0, "byteLength": len(points)},
+                             {"buffer": 0, "byteOffset": len(points), "byteLength": len(numbers)}],
+             "accessors": [{"bufferView": 0, "componentType": 5126, "count": len(vertices), "type": "VEC3",
+                            "min": [min(c) for c in zip(*vertices)], "max": [max(c) for c in zip(*vertices)]},
+                           {"bufferView": 1, "componentType": 5123, "count": 3 * len(faces), "type": "SCALAR"}]}
+    text = json.dumps(about).encode()
+    text += b" " * (-len(text) % 4)
+    body = points + numbers + bytes(-len(points + numbers) % 4)
+    chunks = struct.pack("<I4s", len(text), b"JSON") + text + struct.pack("<I4s", len(body), b"BIN\0") + body
+    return b"glTF" + struct.pack("<2I", 2, 12 + len(chunks)) + chunks
+
+
 # ---- what is refused ------------------------------------------------------------------------------
 
 def changed(faces, at, face):
@@ -159,10 +193,99 @@ REFUSED = [
     ("short.ply", ply(">", CUBE_V, CUBE_F)[:-7], "cut short", []),
     ("short2.ply", ply("", CUBE_V, CUBE_F)[:-24], "cut short", []),
     ("head.ply", b"ply\nformat ascii 1.0\n", "no end_header", []),
-    ("mesh.fbx", "", "give a file that ends in .obj, .stl or .ply", []),
-    ("mm.obj", box_obj(80, 60, 60), "80 m long; give --scale", []),
+    ("mesh.fbx", "", "give a file that ends in .obj, .stl, .ply, .off, .gltf, .glb or .3ds", []),
+    ("mm.obj", box_obj(80, 60, 60), "80 m long; likely in millimetres: give --scale 0.001", []),
+    ("short.3ds", max3ds(CUBE_V, CUBE_F)[:40], "short.3ds: |export it again", []),
+    ("none.3ds", b"", "none.3ds: an empty file; export", []),
+    ("hole.off", off(CUBE_V, CUBE_F[:-1]), "hole.off: face |a hole|3 such edges|let --repair do it", []),
+    ("word.off", off(changed(CUBE_V, 1, (0, "x", 0)), CUBE_F), "word.off: ", []),
+    ("text.glb", b"no glTF at all", "text.glb: |export it again", []),
+    ("repaired_sheet.obj", obj([(0, 0, 0), (1, 0, 0), (0, 1, 0)], [(1, 2, 3), (3, 2, 1)]), "nothing solid is left after the repair", ["--repair"]),
+    ("flat_hull.obj", obj([(0, 0, 0), (1, 0, 0), (0, 1, 0)], [(1, 2, 3)]), "all of it lies in one plane", ["--hull"]),
     ("odd.obj", box_obj(1, 1, 1), "cannot be simplified to 9 triangles", ["--simplify", "9"]),
 ]
+
+
+# ---- other kinds of file, repair, hull ---------------------------------------------------------------
+
+def test_off_gltf_and_3ds():
+    """The same box in every kind of file: the same volume and place; glTF's y points up."""
+    box = [(0.1 * x, 0.05 * y, 0.2 * z) for x, y, z in CUBE_V]
+    for name, content in (("box.off", off(box, CUBE_F)), ("box.3ds", max3ds(box, CUBE_F)), ("box.glb", glb(box, CUBE_F))):
+        code, text = compile_scene(put(name, content), "-o", path("kind.scene"), "--place-on-table")
+        check(code == 0, f"{name}: {text}")
+        scene = Scene(path("kind.scene"))
+        check(len(scene.vertex) == 8 and len(scene.triangle) == 12, f"{name}: {len(scene.vertex)} vertices")
+        size = scene.vertex.max(axis=0) - scene.vertex.min(axis=0)
+        wanted = (0.1, 0.2, 0.05) if name.endswith("glb") else (0.1, 0.05, 0.2)
+        check(np.abs(size - wanted).max() < 1e-7, f"{name}: {size} in place of {wanted}")
+
+
+def tetrahedron(at):
+    return [tuple(0.3 * c + d for c, d in zip(v, at)) for v in ((0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1))]
+
+
+REPAIRED = [   # faces of a unit cube with a fault, the volume after, what must be said
+    ("hole", CUBE_V, CUBE_F[:-1], 1, "3 open edges mended"),
+    ("holes", CUBE_V, CUBE_F[:-1] + CUBE_F[:0], 1, "12 faces now, 11 before"),
+    ("doubled", CUBE_V, CUBE_F + [CUBE_F[3]], 1, "1 doubled faces"),
+    ("fin", CUBE_V + [(0.5, -1, 0.5)], CUBE_F + [(1, 2, 9)], 1, "edges of three or more faces"),
+    ("turned", CUBE_V, changed(CUBE_F, 4, FLIPPED[4]), 1, "repaired"),
+    ("inside_out", CUBE_V, FLIPPED, 1, "repaired"),
+    ("largest", CUBE_V + tetrahedron((3, 0, 0)), CUBE_F + [(9, 11, 10), (9, 10, 12), (9, 12, 11), (10, 11, 12)], 1,
+     "the largest of 2 parts kept (12 of 16 faces)"),
+]
+
+
+def test_repair():
+    for name, vertices, faces, volume, wanted in REPAIRED:
+        mesh = compiler.mending.repair(reading.read(put(name + ".obj", obj(vertices, faces))), "largest")
+        solid.check(mesh)
+        near(solid.mass_properties(mesh)[0], volume, 1e-9, name)
+        check(wanted in mesh.note, f"{name}: no '{wanted}' in: {mesh.note}")
+    mesh = compiler.mending.repair(reading.read(path("largest.obj")), "all")
+    near(solid.mass_properties(mesh)[0], 1 + 0.3 ** 3 / 6, 1e-9, "all parts")
+    check("2 of 2 parts kept" in mesh.note, mesh.note)
+
+
+def test_hull():
+    bowl = put("bowl.obj", shapes.obj_text("bowl", *shapes.THINGS["bowl"]().triangles()))
+    code, text = compile_scene(bowl, "-o", path("hull.scene"), "--hull")
+    check(code == 0 and "convex hull: " in text and "times the volume" in text, text)
+    scene = Scene(path("hull.scene"))
+    check(len(scene.piece) == 1, f"{len(scene.piece)} pieces")
+    mesh = reading.read(bowl)
+    near(compiler.cutting.ConvexHull(mesh.vertex).volume, compiler.cutting.ConvexHull(scene.vertex).volume, 1e-9, "hull")
+
+
+def test_scale_is_guessed_and_sizes_are_doubted():
+    mm = put("mm2.obj", box_obj(80, 60, 60))
+    code, text = compile_scene(mm, "-o", path("mm.scene"), "--scale", "guess")
+    check(code == 0 and "millimetres (0.001), it is then 80 mm long" in text, text)
+    code, text = compile_scene(put("big.obj", box_obj(1.8, 1, 1)), "-o", path("mm.scene"))
+    check(code == 0 and "1.8 m long and 1.26e+03 kg: likely the mesh is in inches (--scale 0.0254: 46 mm" in text, text)
+    code, text = compile_scene(put("dm.obj", box_obj(8, 6, 6)), "-o", path("mm.scene"), "--scale", "0.1")
+    check(code == 0 and "likely the mesh is in centimetres (--scale 0.01: 80 mm and 0.2 kg)" in text, text)
+    code, text = compile_scene(put("good.obj", box_obj(0.08, 0.06, 0.06)), "-o", path("mm.scene"))
+    check(code == 0 and "likely" not in text and "guess" not in text, text)
+
+
+def test_separate_parts_are_told():
+    code, text = compile_scene(put("pair.obj", two((3, 0, 0))), "-o", path("pair.scene"), "--scale", "0.02")
+    check(code == 0 and "2 separate parts (12, 12 faces) become one rigid body; --repair keeps the largest alone" in text, text)
+
+
+def test_animals_of_glmark2():
+    """Not manifold, open, in pieces: --repair makes solids of them that the daemon takes."""
+    for name, size, parts in (("horse", "0.15", ""), ("cat", "0.12", "largest of 3 parts")):
+        mesh = f"/usr/share/glmark2/models/{name}.3ds"
+        if not os.path.exists(mesh):
+            return "no glmark2-data"
+        code, text = compile_scene(mesh, "-o", path(f"{name}.scene"), "--repair", "--size", size, "--up", "y", "--mass", "0.2",
+                                   "--place-on-table", "--threshold", "0.1")
+        check(code == 0 and "repaired: " in text and parts in text, text)
+        run = subprocess.run([GLOVED, "--check", "--scene", path(f"{name}.scene")], capture_output=True, text=True)
+        check(run.returncode == 0, run.stderr)
 
 
 def test_what_is_refused():

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Triangle meshes from OBJ, STL (text and binary) and PLY (text and binary) files.
+"""Triangle meshes from OBJ, STL (text and binary) and PLY (text and binary) files; foreign.py reads other kinds.
 
 Every face keeps its number in the file, counted from 1, and its line, so that a fault can be named where its owner
 finds it. Corners in the same place become one vertex (an STL has no others); polygons become fans of triangles.
@@ -312,15 +312,19 @@ def read_ply(path, data):
 
 
 READERS = {"obj": read_obj, "stl": read_stl, "ply": read_ply}
+FOREIGN = ("off", "gltf", "glb", "3ds")
 
 
 def read(path):
-    reader = READERS.get(path.rsplit(".", 1)[-1].lower())
-    if not reader:
-        raise Fault(f"{path}: not a mesh by its name; give a file that ends in .obj, .stl or .ply")
+    kind = path.rsplit(".", 1)[-1].lower()
+    if kind not in READERS and kind not in FOREIGN:
+        raise Fault(f"{path}: not a mesh by its name; give a file that ends in .obj, .stl, .ply, .off, .gltf, .glb or .3ds")
     try:
         with open(path, "rb") as f:
             data = f.read()
     except OSError as error:
         raise Fault(f"{path}: {error.strerror}; give a mesh that can be read") from None
-    return reader(path, data)
+    if kind in FOREIGN:
+        from foreign import read_foreign  # here, since it takes its faults from this file
+        return read_foreign(path, data)
+    return READERS[kind](path, data)

@@ -14,12 +14,15 @@ import sys
 import numpy as np
 
 import pieces as cutting
+import repair as mending
 import solid
 from read import Fault, read
 
 ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
 WOOD_KG_M3 = 700.0
 MAX_EXTENT_M, MIN_EXTENT_M = 2.0, 0.002   # what a hand can do something with
+HANDY_M, HANDY_KG = (0.03, 0.4), 3.0      # what fits into one, and can be held up
+UNITS = (("millimetres", 0.001), ("centimetres", 0.01), ("metres", 1.0), ("inches", 0.0254))
 MAX_FIT_M = 0.01                          # of the loader
 STEPS = 150                               # samples of the difference along the extent
 
@@ -33,14 +36,18 @@ def limits():
 def options(argv):
     p = argparse.ArgumentParser(prog="gloved-scene", description="A triangle mesh to a scene that gloved can load: convex pieces, "
                                 "mass properties and the mesh itself, on a table.")
-    p.add_argument("mesh", metavar="MESH", help="a closed surface in .obj, .stl or .ply")
+    p.add_argument("mesh", metavar="MESH", help="a closed surface in .obj, .stl, .ply, .off, .gltf, .glb or .3ds")
     p.add_argument("-o", dest="out", metavar="OUT.scene", required=True, help="the scene; its name is the object's")
     p.add_argument("--mass", type=float, metavar="KG", help="of the object")
     p.add_argument("--density", type=float, metavar="KG_M3", help=f"in place of --mass (default {WOOD_KG_M3:.0f}, wood)")
     p.add_argument("--mu", type=float, default=0.8, help="friction coefficient (default 0.8)")
-    p.add_argument("--scale", type=float, metavar="S", help="metres per unit of the mesh (default 1; 0.001 for millimetres)")
+    p.add_argument("--scale", type=scale_of, metavar="S", help="metres per unit of the mesh (default 1; 0.001 for millimetres), "
+                   "or guess: the unit that makes it a thing for a hand")
     p.add_argument("--size", type=float, metavar="M", help="in place of --scale: the longest side in metres")
-    p.add_argument("--up", choices="yz", default="z", help="axis of the mesh that points up (default z)")
+    p.add_argument("--up", choices=list(UPWARD), help="axis of the mesh that points up (default z; y for glTF), as in --up=-y")
+    p.add_argument("--repair", nargs="?", choices=("largest", "all"), const="largest", help="first close holes and mend doubled "
+                   "faces and edges where three meet, of the largest part (default) or of all parts, and say what was done")
+    p.add_argument("--hull", action="store_true", help="take the convex hull of the mesh in its place")
     p.add_argument("--place-on-table", action="store_true", help="move it over the origin and onto the table (z = 0)")
     p.add_argument("--simplify", type=int, metavar="N", help="to exactly N triangles first")
     p.add_argument("--max-pieces", type=int, default=64, metavar="N", help="convex pieces at most (default 64)")
@@ -51,10 +58,16 @@ def options(argv):
     return o
 
 
+def scale_of(word):
+    return word if word == "guess" else float(word)
+
+
 def check_options(p, o):
+    if o.repair and o.hull:
+        p.error("--repair beside --hull; give one of the two (a hull needs no repair)")
     for name in ("mass", "density", "scale", "size"):
         value = getattr(o, name)
-        if value is not None and not (value > 0 and math.isfinite(value)):
+        if value is not None and value != "guess" and not (value > 0 and math.isfinite(value)):
             p.error(f"--{name} {value:g} must be above 0")
     if o.mass is not None and o.density is not None:
         p.error("--mass beside --density; give one of the two")
@@ -72,16 +85,60 @@ def check_options(p, o):
 
 # ---- from the file to metres ----------------------------------------------------------------------
 
-def to_metres(mesh, o):
-    if o.up == "y":
-        x, y, z = mesh.vertex.T
-        mesh.vertex = np.column_stack([x, -z + 0.0, y])
-    scale = o.scale or (o.size / solid.extent(mesh) if o.size else 1.0)
+# Rotations that turn an axis of the mesh up: rows are the new x, y, z.
+UPWARD = {"z": ((1, 0, 0), (0, 1, 0), (0, 0, 1)), "y": ((1, 0, 0), (0, 0, -1), (0, 1, 0)), "x": ((0, 0, -1), (0, 1, 0), (1, 0, 0)),
+          "-z": ((1, 0, 0), (0, -1, 0), (0, 0, -1)), "-y": ((1, 0, 0), (0, 0, 1), (0, -1, 0)), "-x": ((0, 0, 1), (0, 1, 0), (-1, 0, 0))}
+
+
+def likely_unit(extent):
+    """(name, metres) of the unit in which a mesh of this extent is a thing for a hand; None where none does."""
+    low, high = HANDY_M
+    return next(((name, metres) for name, metres in UNITS if low <= extent * metres <= high), None)
+
+
+def to_metres(mesh, o, stream):
+    up = o.up or ("y" if mesh.path.lower().endswith((".gltf", ".glb")) else "z")
+    if up != "z":
+        mesh.vertex = mesh.vertex @ np.array(UPWARD[up], dtype=float).T + 0.0
+    size = solid.extent(mesh)
+    unit = likely_unit(size)
+    scale = o.scale or (o.size / size if o.size else 1.0)
+    if scale == "guess":
+        if not unit:
+            raise Fault(f"{mesh.path}: {size:.4g} units long, which is no thing for a hand in mm, cm, m or inches; give --size in metres")
+        scale = unit[1]
+        print(f"gloved-scene: --scale guess: {unit[0]} ({scale:g}), it is then {size * scale * 1e3:.0f} mm long", file=stream)
     mesh.vertex = mesh.vertex * scale
     extent = solid.extent(mesh)
     if not MIN_EXTENT_M <= extent <= MAX_EXTENT_M:
-        raise Fault(f"{mesh.path}: {extent:.4g} m long; give --scale (0.001 for a mesh in millimetres), or --size in metres")
+        likely = f"likely in {unit[0]}: give --scale {unit[1]:g}" if unit else "give --scale (0.001 for a mesh in millimetres)"
+        raise Fault(f"{mesh.path}: {extent:.4g} m long; {likely}, or --size in metres")
     return scale
+
+
+def warn_of_size(mesh, scale, mass, given, stream):
+    """A thing that no hand holds is mostly a mesh in another unit. given: the mass is its owner's."""
+    extent = solid.extent(mesh)
+    if HANDY_M[0] / 3 <= extent <= HANDY_M[1] * 1.5 and (given or mass <= HANDY_KG):
+        return
+    text = f"{extent:.3g} m long and {mass:.3g} kg: "
+    unit = likely_unit(extent / scale)
+    if unit and unit[1] != scale:
+        times = unit[1] / scale
+        then = "" if given else f" and {mass * times ** 3:.2g} kg"
+        text += f"likely the mesh is in {unit[0]} (--scale {unit[1]:g}: {extent * times * 1e3:.0f} mm{then})"
+    elif not given and mass > HANDY_KG:
+        text += f"more than a hand holds up; give --mass, or a smaller --size or --density"
+    else:
+        text += "no thing for a hand; give --size in metres"
+    print(f"gloved-scene: {text}", file=stream)
+
+
+def tell_parts(mesh, stream):
+    part = np.bincount(solid.parts(mesh))
+    if len(part) > 1:
+        listed = ", ".join(map(str, sorted(part, reverse=True)[:6])) + (", ..." if len(part) > 6 else "")
+        print(f"gloved-scene: {len(part)} separate parts ({listed} faces) become one rigid body; --repair keeps the largest alone", file=stream)
 
 
 def check_counts(mesh):
@@ -165,28 +222,42 @@ def measure(mesh, pieces, step):
     return {"missing": missing, "extra": extra, "fit": fit, "ratio": together / volume, "step": step}
 
 
+def say(text, stream):
+    if text:
+        print(f"gloved-scene: {text}", file=stream)
+
+
 def compile_mesh(o, stream):
     mesh = read(o.mesh)
-    solid.check(mesh)
-    if mesh.note:
-        print(f"gloved-scene: {mesh.note}", file=stream)
     original = len(mesh.triangle)
+    say(mesh.note, stream)
+    if o.repair or o.hull:
+        mesh = mending.hull(mesh) if o.hull else mending.repair(mesh, o.repair)
+        say(mesh.note, stream)
+    changed = mesh.note
+    solid.check(mesh)
+    tell_parts(mesh, stream)
     if o.simplify:
         mesh = cutting.simplify(mesh, o.simplify)
         solid.check(mesh)
-    scale = to_metres(mesh, o)
+    scale = to_metres(mesh, o, stream)
     check_counts(mesh)
     inside = solid.overlap(mesh)
     if inside is not None:
         print(f"gloved-scene: {mesh.where(inside)} lies inside another part; where parts overlap the mass counts twice", file=stream)
-    pieces = cutting.convex_pieces(mesh, o.threshold, o.max_pieces, inside is not None, stream)
+    if o.hull:
+        pieces = [cutting.shape(mesh.vertex, solid.extent(mesh))]
+    else:
+        pieces = cutting.convex_pieces(mesh, o.threshold, o.max_pieces, inside is not None, stream)
     volume, center, inertia = solid.mass_properties(mesh)
     mass = o.mass or volume * (o.density or WOOD_KG_M3)
+    warn_of_size(mesh, scale, mass, o.mass is not None, stream)
     low, high = mesh.vertex.min(axis=0), mesh.vertex.max(axis=0)
     position = (-(low[0] + high[0]) / 2, -(low[1] + high[1]) / 2, -low[2]) if o.place_on_table else (0, 0, 0)
     with open(o.mesh, "rb") as f:
         sha256 = hashlib.sha256(f.read()).hexdigest()[:16]
-    changes = "".join([f", simplified from {original}" if o.simplify else "", ", y turned up" if o.up == "y" else "",
+    changes = "".join([f", {changed}" if o.repair or o.hull else "", f", simplified from {original}" if o.simplify else "",
+                       f", {o.up} turned up" if o.up and o.up != "z" else "",
                        f", times {scale:.6g}" if scale != 1 else ""])
     corners = [len(p.corner) for p in pieces]
     return {"mesh": mesh, "pieces": pieces, "name": object_name(o.out), "source": os.path.basename(o.mesh), "sha256": sha256,

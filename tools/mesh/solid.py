@@ -49,11 +49,11 @@ def check_edges(mesh):
     if (at == 1).any():
         i = int((at == 1).argmax())
         raise mesh.fault(owner[i], f"a hole: its edge {name(i)} has no face on the other side ({(at == 1).sum()} such edges "
-                         "in all); close the mesh")
+                         "in all); close the mesh, or let --repair do it")
     if (at > 2).any():
         i = int((at > 2).argmax())
         others = ", ".join(str(mesh.face[t]) for t in owner[edge == edge[i]] if t != owner[i])
-        raise mesh.fault(owner[i], f"not manifold: its edge {name(i)} also belongs to faces {others}; two must meet at an edge")
+        raise mesh.fault(owner[i], f"not manifold: its edge {name(i)} also belongs to faces {others}; two must meet at an edge: mend it, or let --repair do it")
     forward = np.bincount(edge, weights=np.where(start < end, 1, 0))
     clash = forward[edge] != 1
     if clash.any():
@@ -62,7 +62,7 @@ def check_edges(mesh):
         i = int(np.flatnonzero(clash & (owner == t))[0])
         other = next(u for u in owner[edge == edge[i]] if u != t)
         raise mesh.fault(t, f"its corners run against those of its neighbour, face {mesh.face[other]} ({clash.sum() // 2} such "
-                         "edges in all); turn the faces so that all run counter-clockwise seen from outside")
+                         "edges in all); turn the faces so that all run counter-clockwise seen from outside, or let --repair do it")
 
 
 def check_vertices(mesh):
@@ -71,7 +71,7 @@ def check_vertices(mesh):
     if not good.all():
         v = int((~good.astype(bool)).argmax())
         t = int((mesh.triangle == v).any(axis=1).argmax())
-        raise mesh.fault(t, f"not manifold: parts of the surface touch in its corner {place(mesh, v)} alone; move them apart")
+        raise mesh.fault(t, f"not manifold: parts of the surface touch in its corner {place(mesh, v)} alone; move them apart, or let --repair do it")
 
 
 def volumes(mesh):
