@@ -132,10 +132,11 @@ def test_import_of_virtualhand_angles():
     def row(**angles):
         return ",".join(str(angles.get(n, 0.0)) for n in GLOVE) + "\n"
     opposed = {"thumb_rotate": 99, "thumb_mpj": -20, "thumb_ij": -20, "index_mpj": -55, "index_pij": -50, "index_dij": -33, "thumb_abduction": 77, "middle_index_abduction": 4}
-    text = row(thumb_rotate=39) + row(**opposed) + row(thumb_rotate=122)
+    text = row(thumb_rotate=39) + row(**opposed) + row(thumb_rotate=122) + row(thumb_rotate=108)
     _, gloves = imported("virtualhand.csv", text, "--columns", "cyberglove22", "--rows", "100", "--degrees", "--virtualhand")
     for glove, wanted in zip(gloves, ({"thumb_rotate": 0, "thumb_abduction": 0}, {"thumb_rotate": 25, "thumb_abduction": 30, "thumb_mpj": 20, "thumb_ij": 20,
-                                      "index_mpj": 55, "index_pij": 50, "index_dij": 33, "middle_index_abduction": 4}, {})):
+                                      "index_mpj": 55, "index_pij": 50, "index_dij": 33, "middle_index_abduction": 4}, {},
+                                      {"thumb_rotate": 28.75, "thumb_abduction": 34.5})):  # test_hand.c: pads meet there
         for sensor, want in wanted.items():
             assert abs(math.degrees(angle(glove[2], sensor)) - want) < 0.05, (sensor, want)
     assert math.degrees(angle(gloves[2][2], "thumb_rotate")) < 35 and math.degrees(angle(gloves[2][2], "thumb_abduction")) < 60, "beyond the anatomy"

@@ -161,30 +161,64 @@ static void test_calibration_two_points(void) {
   CHECK(gv_calibration_check(&cal) == -6, "two equal points are refused and named");
 }
 
-// Precision grasps with the thumb where an imported recording of VirtualHand has it at its median roll of
-// 99 degrees (tools/trace/table.c): rotation 25, abduction 30. The tips meet. The pads do not face each
-// other, 77 to 92 degrees are between them: this thumb has no axis to pronate about (66 is the least of all
-// its postures with the tips together).
-static void test_tips_meet_in_precision_grasps(void) {
-  static const double index_deg[3][3] = {{50, 40, 10}, {60, 35, 10}, {45, 45, 20}};
+// ---- precision grasps, with the thumb where an import of VirtualHand's roll puts it (tools/trace/table.c) ------
+
+typedef struct pinch {
+  double roll_deg, thumb_deg[2], index_deg[3];  // VirtualHand's roll; MPJ and IJ; MPJ, PIJ, DIJ
+} pinch;
+
+// Rotation 25 and abduction 30 at a roll of 99 degrees, 0 and 0 at 39.
+static void pose_pinch(const pinch *grasp, gv_pose out_T[GV_LIMBS]) {
   const gv_hand_model m = gv_hand_model_default(GV_RIGHT);
+  const gv_pose wrist = gv_pose_identity();
   const double deg = GV_PI / 180;
+  const double share = (grasp->roll_deg - 39.0) / 60.0;
+  double angle[GV_SENSORS] = {[GV_THUMB_ROTATE] = 25 * share * deg,
+                              [GV_THUMB_ABDUCTION] = 30 * share * deg,
+                              [GV_THUMB_MPJ] = grasp->thumb_deg[0] * deg,
+                              [GV_THUMB_IJ] = grasp->thumb_deg[1] * deg};
+  for (int j = 0; j < 3; j++)
+    angle[GV_INDEX_MPJ + j] = grasp->index_deg[j] * deg;
+  angle[GV_MIDDLE_INDEX_ABDUCTION] = m.angle_min_rad[GV_MIDDLE_INDEX_ABDUCTION];
+  gv_hand_frames(&m, &wrist, angle, out_T);
+}
+
+// How far the tips are from each other, and how far the pads are from facing each other, degrees.
+static void measure_pinch(const pinch *grasp, double *out_apart_m, double *out_pads_deg) {
+  const gv_hand_model m = gv_hand_model_default(GV_RIGHT);
+  gv_pose T[GV_LIMBS];
+  gv_vec3 tip[2], pad[2];
+  pose_pinch(grasp, T);
+  for (int k = 0; k < 2; k++) {
+    const int limb = 3 * k + 2;
+    tip[k] = gv_transform(T[limb], gv_v3(gv_hand_half_length(&m, limb) + m.radius_m[k][2], 0, 0));
+    pad[k] = gv_rotate(T[limb].q, gv_v3(0, 0, -1));
+  }
+  *out_apart_m = gv_norm(gv_sub(tip[0], tip[1]));
+  *out_pads_deg = acos(gv_clamp(-gv_dot(pad[0], pad[1]), -1, 1)) * 180 / GV_PI;
+}
+
+// Tip to tip, at the median roll of recorded grasps: both fingers are bent, so the pads look past each other.
+static void test_tips_meet_in_a_tip_pinch(void) {
+  static const pinch grasp[] = {
+    {99, {10, 10}, {50, 40, 10}}, {99, {10, 10}, {60, 35, 10}}, {99, {10, 10}, {45, 45, 20}}};
   for (int g = 0; g < 3; g++) {
-    double angle[GV_SENSORS] = {[GV_THUMB_ROTATE] = 25 * deg,
-                                [GV_THUMB_ABDUCTION] = 30 * deg,
-                                [GV_THUMB_MPJ] = 10 * deg,
-                                [GV_THUMB_IJ] = 10 * deg};
-    for (int j = 0; j < 3; j++)
-      angle[GV_INDEX_MPJ + j] = index_deg[g][j] * deg;
-    gv_pose wrist = gv_pose_identity(), T[GV_LIMBS];
-    gv_hand_frames(&m, &wrist, angle, T);
-    gv_vec3 tip[2];
-    for (int k = 0; k < 2; k++) {
-      const int limb = 3 * k + 2;
-      tip[k] = gv_transform(T[limb], gv_v3(gv_hand_half_length(&m, limb) + m.radius_m[k][2], 0, 0));
-    }
-    const double apart_m = gv_norm(gv_sub(tip[0], tip[1]));
+    double apart_m, pads_deg;
+    measure_pinch(&grasp[g], &apart_m, &pads_deg);
+    printf("# tip pinch %d: tips %.1f mm apart, pads %.0f degrees\n", g, 1e3 * apart_m, pads_deg);
     CHECK(apart_m < 0.025, "grasp %d: tips %.1f mm apart", g, 1e3 * apart_m);
+  }
+}
+
+// Pad to pad: the last bones straight, within the roll of recordings (39 to 122 degrees).
+static void test_pads_meet_in_a_pulp_pinch(void) {
+  static const pinch grasp[] = {
+    {108, {-10, -15}, {70, 15, 0}}, {106, {-10, -15}, {73, 14, 0}}, {105, {-10, -15}, {75, 12, 0}}};
+  for (int g = 0; g < 3; g++) {
+    double apart_m, pads_deg;
+    measure_pinch(&grasp[g], &apart_m, &pads_deg);
+    printf("# pulp pinch %d: tips %.1f mm apart, pads %.0f degrees\n", g, 1e3 * apart_m, pads_deg);
+    CHECK(apart_m < 0.025 && pads_deg < 20, "grasp %d: %.1f mm, %.0f degrees", g, 1e3 * apart_m, pads_deg);
   }
 }
 
@@ -198,6 +232,7 @@ int main(void) {
   RUN(test_left_is_the_mirror_image);
   RUN(test_joint_axes_are_the_jacobian);
   RUN(test_calibration_two_points);
-  RUN(test_tips_meet_in_precision_grasps);
+  RUN(test_tips_meet_in_a_tip_pinch);
+  RUN(test_pads_meet_in_a_pulp_pinch);
   return check_done();
 }

@@ -68,9 +68,10 @@ static const double beside_table[3] = {-0.9, 0.0, 0.2};
 
 // VirtualHand's roll of the thumb, degrees: 39 with the thumb beside the hand, 99 where it is opposed
 // (least and median of public recordings of grasps; the most is 122). Ours are 0 and 0 with the flat hand,
-// and rotation 25 and abduction 30 bring thumb and index finger together in precision grasps
-// (test_hand.c): the line through both stays within the anatomy up to 122. No recording has confirmed it;
-// VirtualHand's own thumb abduction is not used.
+// and rotation 25 and abduction 30 bring thumb and index finger together in precision grasps (test_hand.c):
+// tips meet at 99, and at 105 to 108, with straight last bones, the pads too, within 20 degrees. The line
+// through both stays within the anatomy up to 122. No recording has confirmed it; VirtualHand's own thumb
+// abduction is not used.
 static const double roll_flat_deg = 39.0, roll_opposed_deg = 99.0;
 static const double opposed_rotation_deg = 25.0, opposed_abduction_deg = 30.0;
 
