@@ -135,7 +135,7 @@ test: build/.test-packages build/venv/.ready build/venv-plot/.done
 	$(Q)$(MAKE) --no-print-directory -j$$(nproc) all
 	$(Q)B=$(B) test/run $(T)
 
-## test-can: fcusim and gloved on real CAN interfaces, in a guest (no root, 90 s; CANNELLONI=PROGRAM: also through it)
+## test-can: fcusim and gloved on real CAN interfaces, in a guest (no root, 90 s; also through cannelloni: Debian's, or CANNELLONI=PROGRAM)
 test-can: build/.can-packages build/venv/.ready
 	$(Q)$(MAKE) --no-print-directory all
 	$(Q)B=$(B) test/can/run
@@ -348,6 +348,7 @@ build/.test-packages: build/.run-packages
 	@touch $@
 build/.can-packages: build/.test-packages
 	$(Q)tools/packages $(CAN_PACKAGES)
+	$(Q)if apt-cache show cannelloni >/dev/null 2>&1; then tools/packages cannelloni; fi
 	@touch $@
 build/.rt-packages: build/.test-packages
 	$(Q)tools/packages $(RT_PACKAGES)

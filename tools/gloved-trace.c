@@ -31,6 +31,7 @@ static const char help[] =
     "table does not:\n"
     "      t_s,cyberglove22 or cyberglove18,-,px,... (- is not used; NAME*FACTOR+OFFSET, and A&B for two of "
     "one column).\n"
+    "      graspdb14 (with --rows), vmg30 (with --degrees): the columns of those recordings, whole.\n"
     "      --rows: the rate of rows without a time. --degrees, --counts 255: the sensors' unit. "
     "--virtualhand: angles as\n"
     "      VirtualHand has them. --left: a left hand. Without a wrist the hand stands beside the table.\n"

@@ -107,6 +107,19 @@ def test_import_of_public_tables():
                 assert abs(angle(glove[2], sensor) - want) <= HALF_COUNT * 1.001 + 1e-5, (sensor, options)
 
 
+def test_import_of_column_maps():
+    """GraspDB14's parser: date, switch, 23 angles; VMG 30: tick, seconds, 23 readings of 0 to 1000, two quaternions."""
+    angles = [round(0.02 * i, 2) for i in range(23)]
+    grasp = " ".join(map(str, [2014, 5, 1, 12, 0, 3.25, 1] + angles)) + "\n"
+    _, gloves = imported("grasp.txt", grasp * 2, "--columns", "graspdb14", "--rows", "60")
+    for sensor, column in (("thumb_abduction", 3), ("index_dij", 6), ("middle_mpj", 8), ("middle_index_abduction", 11), ("little_ring_abduction", 19), ("wrist_yaw", 22)):
+        assert abs(angle(gloves[0][2], sensor) - angles[column]) <= HALF_COUNT * 1.001, sensor
+    vmg = "4680, 4.789247512817383, 1000.0,500.0,225.0,100.0" + ",0.0" * 6 + ",1000.0,0.0,500.0" + ",999.0" * 10 + ", 0.25,-0.03,-0.18,0.95, 0.87,-0.27,0.12,-0.39\n"
+    _, gloves = imported("vmg.txt", vmg + vmg.replace("4.789", "4.799"), "--columns", "vmg30", "--degrees")
+    for sensor, want in (("thumb_ij", 80), ("thumb_mpj", 30), ("index_pij", 22.5), ("index_mpj", 9), ("palm_arch", 40), ("thumb_abduction", 30)):
+        assert abs(math.degrees(angle(gloves[0][2], sensor)) - want) < 0.05, sensor
+
+
 def test_import_of_counts_and_of_18_sensors():
     _, gloves = imported("counts.txt", "0 " + " ".join(["128"] * 18) + " 7\n0.01 " + " ".join(["255"] * 18) + " 7\n", "--counts", "255", "--columns", "t_s,cyberglove18,-")
     assert gloves[0][2]["IndexMpj"] == gloves[0][2]["WristYaw"] == round(128 * 4095 / 255) and gloves[1][2]["LittlePij"] == 4095, gloves[0]

@@ -321,13 +321,52 @@ static int add_glove(table *t, bool all) {
   return code;
 }
 
+// Columns as the tools of public recordings write them. Order: GraspDB14's parser (namemapCyberglove.m,
+// readDBKSmotion.m: date and time, a switch, 23 angles of which the index finger's own abduction is not
+// measured, radians or counts); VMG 30 (LucaPalumbo/dataglove, vmg30.py: a tick, seconds, 23 readings of 0 to
+// 1000, two quaternions of unknown frames). A reading of the VMG 30 is taken as a share of its joint's range,
+// in degrees; what its abduction sensors turn is not published.
+static const struct {
+  const char *name, *columns;
+} maps[] = {
+  {"graspdb14",
+   "-,-,-,-,-,-,-,thumb_rotate,thumb_mpj,thumb_ij,thumb_abduction,index_mpj,index_pij,index_dij,-,middle_mpj,"
+   "middle_pij,middle_dij,middle_index_abduction,ring_mpj,ring_pij,ring_dij,ring_middle_abduction,little_mpj,"
+   "little_pij,little_dij,little_ring_abduction,palm_arch,wrist_pitch,wrist_yaw"},
+  {"vmg30", "-,t_s,thumb_ij*0.08,thumb_mpj*0.06,index_pij*0.1,index_mpj*0.09,middle_pij*0.1,middle_mpj*0.09,"
+            "ring_pij*0.1,"
+            "ring_mpj*0.09,little_pij*0.1,little_mpj*0.09,palm_arch*0.04,-,thumb_abduction*0.06,-,-,-,-,-,-,-"
+            ",-,-,-,-,-,"
+            "-,-,-,-,-,-"},
+};
+
+static int add_map(table *t, const char *columns) {
+  char copy[LINE_MAX_BYTES], *rest = copy, *name;
+  int code = EXIT_DONE;
+  snprintf(copy, sizeof copy, "%s", columns);
+  while (!code && (name = next_cell(',', &rest)))
+    code = add_column(t, name);
+  return code;
+}
+
+static const char *map_of(const char *name) {
+  for (size_t i = 0; i < sizeof maps / sizeof *maps; i++)
+    if (strcmp(maps[i].name, name) == 0)
+      return maps[i].columns;
+  return NULL;
+}
+
 static int name_columns(table *t) {
   char copy[LINE_MAX_BYTES], *rest = copy, *name;
   int code = EXIT_DONE;
   snprintf(copy, sizeof copy, "%s", t->format->columns);
   while (!code && (name = next_cell(',', &rest))) {
     const bool all = strcmp(name, "cyberglove22") == 0;
-    code = all || strcmp(name, "cyberglove18") == 0 ? add_glove(t, all) : add_column(t, name);
+    const char *map = map_of(name);
+    if (all || strcmp(name, "cyberglove18") == 0)
+      code = add_glove(t, all);
+    else
+      code = map ? add_map(t, map) : add_column(t, name);
   }
   return code;
 }
