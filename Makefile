@@ -203,6 +203,14 @@ test-scenes: scenes $(B)/test/test_grasp
 .PHONY: scenes test-scenes
 .PRECIOUS: build/meshes/%.obj
 
+## doc: the pages that are tables of what stands elsewhere (doc/configuration.md, wire.md, lcm.md), made anew
+doc: build/venv/.ready $(B)/test/settings_pipe
+	$(Q)build/venv/bin/python tools/doc_pages.py $(B)
+## doc-pictures: those of the pages, from runs of the simulated user; prints the figures of doc/tuning.md
+doc-pictures: build/venv-plot/.done $(B)/gloved
+	$(Q)build/venv-plot/bin/python tools/doc_pictures.py $(B)
+.PHONY: doc doc-pictures
+
 ## golden: write the traces' golden hashes anew (then say in the commit why they changed)
 golden: $(B)/test/test_replay $(B)/test/test_assembly
 	$(Q)$< --update && $(B)/test/test_assembly --update
