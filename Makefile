@@ -455,7 +455,8 @@ MANUALS  := $(PROGRAMS) $(SCRIPTS)
 DATA     := $(addprefix data/,scenes scripts lcm calibration examples viewer gloved.conf gloved.dbc)
 data_files = $$(git ls-files $(DATA) 2>/dev/null | grep . || find $(DATA) -type f)
 # Engine, codecs and loaders alone: what other programs link. Only names with gv_ leave it.
-PUBLIC   := $(CORE) $(addprefix src/daemon/load/,conf.c config_load.c scene_load.c scene_check.c scene_friction.c scene_joint.c settings_table.c)
+PUBLIC   := $(CORE) $(filter-out src/daemon/load/scene_thread.c,$(wildcard src/daemon/load/scene_*.c)) \
+            $(addprefix src/daemon/load/,conf.c config_load.c settings_table.c)
 SONAME   := libgloved.so.0
 $(B)/lib/%.o: %.c | $(B)/gen/.done
 	@mkdir -p $(@D)

@@ -66,7 +66,7 @@ def check_files():
 
 def check_targets():
     made = set(re.findall(r"^([\w-]+):", read("Makefile"), re.M))
-    wrong = [f"{page}: make {name}: no such target" for page in PAGES for name in re.findall(r"(?:`|^    )make ([a-z][\w-]+)", read(page), re.M)
+    wrong = [f"{page}: make {name}: no such target" for page in PAGES for name in re.findall(r"(?:`|^    )make ([a-z][\w-]+)(?![\w/-])", read(page), re.M)
              if name not in made]
     verdict("named_targets_exist", wrong)
 
