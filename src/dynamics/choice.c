@@ -59,6 +59,14 @@ void gv_choice_forget(gv_choice *choice) {
     solvers[i]->forget(choice->memory[i]);
 }
 
+// The first in turn hears what the one after it found.
+static void tell_first(gv_choice *choice, const gv_problem *problem, const gv_velocity velocity[],
+                       const gv_vec3 impulse[]) {
+  const gv_solver first = order[choice->solver][0].solver;
+  if (solvers[first]->learn)
+    solvers[first]->learn(choice->memory[first], problem, velocity, impulse);
+}
+
 gv_solver_report gv_choice_solve(gv_choice *choice, gv_problem *problem, gv_velocity out_velocity[],
                                  gv_vec3 out_impulse[]) {
   const bool is_free = problem->contact_count + problem->row_count == 0;
@@ -71,8 +79,11 @@ gv_solver_report gv_choice_solve(gv_choice *choice, gv_problem *problem, gv_velo
     problem->budget_s = t->share * choice->effort * choice->period_s;
     void *memory = choice->memory[t->solver];
     const gv_outcome outcome = solvers[t->solver]->solve(memory, problem, out_velocity, out_impulse);
-    if (outcome != GV_OUTCOME_NONE)
-      return (gv_solver_report){t->solver, outcome};
+    if (outcome == GV_OUTCOME_NONE)
+      continue;
+    if (i > 0)
+      tell_first(choice, problem, out_velocity, out_impulse);
+    return (gv_solver_report){t->solver, outcome};
   }
   return (gv_solver_report){GV_SOLVER_AUTO, GV_OUTCOME_NONE};
 }

@@ -45,7 +45,8 @@ typedef struct gv_newton {
   double softening;  // factor on the tangent compliance that was accepted; 1: none
   // work
   double time_left_s;       // of the budget, reckoned in operations
-  int changed;              // contacts, in the last solution
+  int assembled;            // 6 x 6 blocks of contacts in the last solution,
+  int most_assembled;       // and where everything changes
   int count, nodes, limbs;  // nodes: first those in `blocks`, then the limbs that are eliminated
   int node_of[GV_BODIES];   // -1: does not move, or touches nothing
   gv_newton_contact contact[GV_MAX_CONTACTS];

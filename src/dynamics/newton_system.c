@@ -142,6 +142,16 @@ static void mark_lone_contacts(gv_newton *s) {
   }
 }
 
+static int count_assembled(const gv_newton *s) {
+  int sum = 0;
+  for (int i = 0; i < s->count; i++) {
+    const gv_newton_contact *c = &s->contact[i];
+    const bool both = c->node_a >= 0 && c->node_b >= 0;
+    sum += c->limb >= 0 || both ? 4 : 1;
+  }
+  return sum;
+}
+
 bool gv_newton_set_up(gv_newton *s, const gv_problem *problem) {
   s->count = problem->contact_count;
   make_nodes(s, problem);
@@ -156,6 +166,7 @@ bool gv_newton_set_up(gv_newton *s, const gv_problem *problem) {
   gv_newton_rows_set_up(s, problem);
   list_contacts_of_limbs(s);
   mark_lone_contacts(s);
+  s->most_assembled = count_assembled(s);
   return gv_blocks_order(&s->blocks);
 }
 
@@ -275,6 +286,7 @@ static void assemble_limb(gv_newton *s, gv_newton_limb *limb, gv_block *out_mirr
 
 static bool eliminate_limb(gv_newton *s, gv_newton_limb *limb) {
   limb->changed = false;
+  s->assembled += 4 * limb->count;
   limb->schur = (gv_block){{{0}}};
   limb->push = (gv_six){{0}};
   if (limb->count == 1) {
@@ -320,6 +332,7 @@ static void add_coupling(gv_newton *s, const gv_newton_contact *c, bool symmetri
   const gv_vec3 column = a_first ? c->arm_b : c->arm_a;
   const gv_mat3 N = negative(&c->stiffness);
   const gv_mat3 NT = gv_mat3_transposed(&N);
+  s->assembled += symmetric ? 1 : 2;
   add_stiffness(gv_blocks_at(&s->blocks, c->node_a, c->node_b), &N, row, column);
   if (!symmetric)
     add_stiffness(gv_blocks_mirror(&s->blocks, c->node_a, c->node_b), &NT, row, column);
@@ -331,6 +344,7 @@ static void add_contact(gv_newton *s, const gv_newton_contact *c, bool symmetric
   if (!changes(s, c->node_a) && !changes(s, c->node_b))
     return;
   const gv_vec3 x = first_impulse(c);
+  s->assembled += changes(s, c->node_a) + changes(s, c->node_b);
   if (changes(s, c->node_a)) {
     add_stiffness(gv_blocks_at(&s->blocks, c->node_a, c->node_a), &c->stiffness, c->arm_a, c->arm_a);
     add_row(s->dv[c->node_a].m, x, c->arm_a);
@@ -365,13 +379,12 @@ static bool is_symmetric(const gv_newton *s) {
 }
 
 static void update_stiffnesses(gv_newton *s, double softening) {
-  s->changed = 0;
+  s->assembled = 0;
   for (int i = 0; i < s->count; i++) {
     gv_newton_contact *c = &s->contact[i];
     if (!c->changed)
       continue;
     c->changed = false;
-    s->changed++;
     if (c->limb >= 0)
       s->limb[c->limb].changed = true;
     if (c->limb < 0)

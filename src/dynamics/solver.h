@@ -27,6 +27,10 @@ typedef struct gv_contact_solver {
   // the same bits.
   gv_outcome (*solve)(void *memory, const gv_problem *problem, gv_velocity out_velocity[],
                       gv_vec3 out_impulse[]);
+  // What another solver found for the problem that this one was asked last and left: the next may be begun
+  // from it. Null: does without.
+  void (*learn)(void *memory, const gv_problem *problem, const gv_velocity velocity[],
+                const gv_vec3 impulse[]);
   void (*forget)(void *memory);
 } gv_contact_solver;
 

@@ -15,12 +15,12 @@
 static expectation expected;
 static measures measured;
 
-gv_solver_report __real_gv_choice_solve(gv_choice *choice, gv_problem *problem,
-                                        gv_velocity out_velocity[], gv_vec3 out_impulse[]);
-gv_solver_report __wrap_gv_choice_solve(gv_choice *choice, gv_problem *problem,
-                                        gv_velocity out_velocity[], gv_vec3 out_impulse[]);
-gv_solver_report __wrap_gv_choice_solve(gv_choice *choice, gv_problem *problem,
-                                        gv_velocity out_velocity[], gv_vec3 out_impulse[]) {
+gv_solver_report __real_gv_choice_solve(gv_choice *choice, gv_problem *problem, gv_velocity out_velocity[],
+                                        gv_vec3 out_impulse[]);
+gv_solver_report __wrap_gv_choice_solve(gv_choice *choice, gv_problem *problem, gv_velocity out_velocity[],
+                                        gv_vec3 out_impulse[]);
+gv_solver_report __wrap_gv_choice_solve(gv_choice *choice, gv_problem *problem, gv_velocity out_velocity[],
+                                        gv_vec3 out_impulse[]) {
   const gv_solver_report report = __real_gv_choice_solve(choice, problem, out_velocity, out_impulse);
   if (problem->contact_count == 0 || report.outcome == GV_OUTCOME_NONE)
     return report;
