@@ -36,10 +36,11 @@ typedef struct gv_glove_msg {
 // POSE: 1 flags | 4-7 stamp_us | 8-9 age in 10 us | 10 receiver | 11 zero | 12-23 x y z int32 in 1e-7 m |
 // 24-39 quaternion w x y z int32 in 2^-30 | 40-47 zero
 enum { GV_POSE_VALID = 1, GV_POSE_TRACKER_ERROR = 2 };
+enum { GV_RECEIVER_HEAD = 1, GV_RECEIVER_HAND = 2 };
 typedef struct gv_pose_msg {
   uint8_t counter, flags;
   uint32_t stamp_us, age_us;
-  uint8_t receiver;  // 1 head, 2 hand
+  uint8_t receiver;  // GV_RECEIVER_...
   gv_pose T_world_receiver;
 } gv_pose_msg;
 

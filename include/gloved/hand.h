@@ -123,6 +123,14 @@ void gv_hand_pose(const gv_hand_model *model, const gv_pose *T_world_wrist,
                   const double angle_rad[GV_SENSORS], gv_pose out_T_world_limb[GV_LIMBS],
                   gv_joint_axis out_joint[GV_SENSORS]);
 
+// What came in since the last step: raw sensor counts and the tracker's receiver pose. The hand is placed
+// once both were seen. A flag that is false: nothing new there, the last value holds (the field is not read).
+typedef struct gv_sample {
+  double raw[GV_SENSORS];
+  gv_pose T_world_receiver;
+  bool glove_new, pose_new;
+} gv_sample;
+
 #ifdef __cplusplus
 }
 #endif

@@ -28,7 +28,15 @@ enum {
   GV_MAX_MATERIALS = 32,           // named in a scene, the hand's among them
   GV_MAX_JOINTS = 32,              // of a scene; 1 costs up to 8 rows of the solver
   GV_MAX_FRICTION_PAIRS = 64,      // of a scene; looked through for each pair of bodies in contact
-  GV_MAX_NAME = 32                 // bytes of an object's name with its final zero
+  GV_MAX_NAME = 32,                // bytes of an object's name with its final zero
+  GV_FARTHEST_M = 100,             // from the origin: poses beyond are refused, bodies beyond put back
+
+  // of a search of the narrow phase; what it has found by then is the answer
+  GV_GJK_MAX_ITERATIONS = 64,   // one or two from a warm simplex, 8 from none
+  GV_EPA_MAX_ITERATIONS = 128,  // each adds a point at most
+  GV_EPA_MAX_DESCENT = 48,      // then downhill alone, where the bounds did not meet
+  GV_EPA_MAX_VERTICES = 192,    // seeds and a point an iteration; 1 costs 100 B of stack
+  GV_EPA_MAX_FACES = 384        // twice the vertices (Euler); 1 costs 100 B of stack
 };
 
 #ifdef __cplusplus

@@ -23,14 +23,6 @@ extern "C" {
 
 typedef enum gv_narrow { GV_NARROW_CORE, GV_NARROW_LIBCCD } gv_narrow;
 
-enum {
-  GV_GJK_MAX_ITERATIONS = 64,
-  GV_EPA_MAX_ITERATIONS = 128,
-  GV_EPA_MAX_DESCENT = 48,
-  GV_EPA_MAX_VERTICES = 192,
-  GV_EPA_MAX_FACES = 384
-};
-
 // Kept by the caller from step to step for one pair: a warm start. All zero is a valid cold start.
 typedef struct gv_pair_cache {
   gv_vec3 normal_world;         // last normal, or zero

@@ -73,6 +73,13 @@ typedef struct gv_joint {
                          // scene is reset. 0: never
 } gv_joint;
 
+// A joint of the scene at the end of the last step.
+typedef struct gv_joint_state {
+  double position;  // of a hinge (rad, -pi to pi) or a slider (m); 0 of the others
+  double force_n;   // across it, in that step
+  bool broken;
+} gv_joint_state;
+
 typedef struct gv_scene {
   gv_vec3 gravity_m_s2;
   int object_count, piece_count, vertex_count, triangle_count;

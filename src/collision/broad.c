@@ -27,6 +27,9 @@ static gv_aabb make_box(gv_vec3 center, gv_vec3 reach, double by) {
   return (gv_aabb){gv_sub(center, reach), gv_add(center, reach)};
 }
 
+_Static_assert(GV_BODIES <= UINT8_MAX && GV_MAX_PIECES <= UINT16_MAX,
+               "a candidate numbers bodies in 8 and pieces in 16 bits");
+
 // The box around a box that is turned by R and moved by p.
 static gv_aabb turned_box(const gv_mat3 *R, gv_vec3 p, const gv_aabb *box, double by) {
   gv_vec3 center = gv_scale(gv_add(box->min, box->max), 0.5);
@@ -65,10 +68,12 @@ void gv_broad_forget(gv_broad *broad) {
 }
 
 static gv_pair_cache *limb_cache(const gv_broad *broad, int l, int piece) {
+  assert(l >= 0 && l < GV_LIMBS && piece >= 0 && piece < broad->scene->piece_count);
   return &broad->limb_cache[l * broad->scene->piece_count + piece];
 }
 
 static gv_pair_cache *piece_cache(const gv_broad *broad, int i, int j) {
+  assert(i >= 0 && i < broad->scene->piece_count && j >= 0 && j < broad->scene->piece_count);
   const int high = i > j ? i : j;
   const int low = i > j ? j : i;
   assert(high != low);
@@ -87,6 +92,7 @@ void gv_broad_forget_sides(gv_broad *broad, int o) {
 }
 
 static void init_piece(gv_broad *broad, int o, int i) {
+  assert(i >= 0 && i < broad->scene->piece_count && o >= 0 && o < broad->scene->object_count);
   const gv_hull *hull = &broad->scene->piece[i];
   const gv_vec3 r = {hull->radius, hull->radius, hull->radius};
   broad->piece_shape[i] = gv_shape_hull(hull);
@@ -110,6 +116,7 @@ static void note_joints(gv_broad *broad) {
 }
 
 void gv_broad_init(gv_broad *broad, double step_s, double contact_margin_m) {
+  assert(step_s > 0.0 && contact_margin_m >= 0.0);
   broad->step_s = step_s;
   broad->contact_margin_m = contact_margin_m;
   note_joints(broad);

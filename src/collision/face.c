@@ -5,6 +5,10 @@
 
 #include <assert.h>
 
+_Static_assert((int)GV_MAX_HULL_FACES < (int)GV_NO_FACE, "no face has the number that means none");
+_Static_assert((int)GV_FACE_CORNERS >= 2 * GV_MAX_FACE_VERTICES,
+               "each plane of a clip adds a corner at most");
+
 enum { SCAN_UP_TO = 24 };  // faces: below, a scan is faster than a walk
 
 static const double flat = 1 - 1e-9;  // cosine: no other face is nearer (45 microradians)

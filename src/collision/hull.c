@@ -13,6 +13,10 @@ enum { POINTS = GV_MAX_HULL_VERTICES, TRIANGLES = 2 * POINTS, NONE = 0xffff };
 
 // Relative to the points' extent: this far off a plane is still in it. Rounded coordinates can make sides
 // that are flat or not depending on where one begins: then the next tolerance decides.
+_Static_assert(GV_MAX_HULL_VERTICES < UINT16_MAX && GV_MAX_HULL_FACES < UINT16_MAX,
+               "a hull numbers both in 16 bits");
+_Static_assert(GV_MAX_HULL_FACES >= 2 * GV_MAX_HULL_VERTICES - 4, "Euler: no more faces than that");
+
 static const double in_plane[] = {1e-9, 3e-8, 1e-6};
 enum { TOLERANCES = sizeof in_plane / sizeof in_plane[0] };
 
@@ -66,7 +70,8 @@ static int take_points(builder *b, const gv_vec3 *points, int count) {
     return GV_HULL_FEW;
   if (count > POINTS)
     return GV_HULL_VERTICES;
-  gv_vec3 low = points[0], high = points[0];
+  gv_vec3 low = points[0];
+  gv_vec3 high = points[0];
   for (int i = 0; i < count; i++) {
     if (!gv_v3_finite(points[i]))
       return GV_HULL_NOT_FINITE;
@@ -154,7 +159,8 @@ static void spread(builder *b, int seed, uint16_t polygon) {
 
 // The outline of the triangles in b->seen, one loop, into b->corner from `at` on. Returns its length, or 0.
 static int trace_outline(builder *b, uint16_t polygon, int at) {
-  int edges = 0, length = 0;
+  int edges = 0;
+  int length = 0;
   uint16_t first = NONE;
   for (int i = 0; i < b->count; i++)
     b->next[i] = NONE;
@@ -205,7 +211,9 @@ static int merge(builder *b) {
 // Number the vertices that stay and leave the others (where fewer than three polygons meet, the outline
 // goes straight on) out of the polygons. Returns the number of vertices.
 static int drop_straight_corners(builder *b) {
-  int vertices = 0, to = 0, from = 0;
+  int vertices = 0;
+  int to = 0;
+  int from = 0;
   for (int i = 0; i < b->count; i++)
     b->vertex_of[i] = b->polygons_at[i] >= 3 ? (uint16_t)vertices++ : NONE;
   for (int f = 0; f < b->polygons; f++) {
@@ -220,7 +228,8 @@ static int drop_straight_corners(builder *b) {
 }
 
 static int check_polygons(const builder *b, int vertices) {
-  int corners = b->start[b->polygons], error = 0;
+  int corners = b->start[b->polygons];
+  int error = 0;
   for (int f = 0; f < b->polygons; f++) {
     int sides = b->start[f + 1] - b->start[f];
     if (sides < 3)
@@ -263,7 +272,9 @@ static void fit_polygons(builder *b) {
         continue;
       side *f = &b->side[b->polygon_of[t]];
       const uint16_t *v = b->face[t].vertex;
-      gv_vec3 p = b->point[v[0]], q = b->point[v[1]], r = b->point[v[2]];
+      gv_vec3 p = b->point[v[0]];
+      gv_vec3 q = b->point[v[1]];
+      gv_vec3 r = b->point[v[2]];
       if (f->triangles == 0)
         f->corner = p;
       f->reach = fmax(f->reach, gv_norm(gv_sub(p, f->corner)));
@@ -333,7 +344,8 @@ static bool flatten(builder *b) {
 
 // The hull of the points, and where that leaves fewer polygons, of the points moved into common planes.
 static int build_flat(builder *b, int *out_vertices) {
-  int error = build_strictly(b, out_vertices), strict = b->polygons;
+  int error = build_strictly(b, out_vertices);
+  int strict = b->polygons;
   if (error)
     return error;
   if (flatten(b) && build_strictly(b, out_vertices) == 0 && b->polygons < strict)
@@ -351,8 +363,11 @@ typedef struct arrays {
 
 // One block for all arrays: doubles first, then the indices.
 static int reserve(gv_arena *arena, int vertices, int faces, int corners, arrays *out) {
-  size_t v = (size_t)vertices, f = (size_t)faces, c = (size_t)corners;
-  size_t doubles = 3 * v + 4 * f, indices = (f + 1) + c + (v + 1) + c + c;
+  size_t v = (size_t)vertices;
+  size_t f = (size_t)faces;
+  size_t c = (size_t)corners;
+  size_t doubles = 3 * v + 4 * f;
+  size_t indices = (f + 1) + c + (v + 1) + c + c;
   uint8_t *mem = gv_arena_alloc(arena, "hull", doubles * sizeof(double) + indices * sizeof(uint16_t));
   if (!mem)
     return GV_HULL_MEMORY;
@@ -393,9 +408,11 @@ static void link_neighbors(const arrays *m, int vertices, int faces) {
     m->neighbor_start[i + 1] = (uint16_t)end;
   }
   for (int f = faces - 1; f >= 0; f--) {
-    int first = m->face_start[f], end = m->face_start[f + 1];
+    int first = m->face_start[f];
+    int end = m->face_start[f + 1];
     for (int k = first; k < end; k++) {
-      uint16_t i = m->face_vertex[k], j = m->face_vertex[k + 1 < end ? k + 1 : first];
+      uint16_t i = m->face_vertex[k];
+      uint16_t j = m->face_vertex[k + 1 < end ? k + 1 : first];
       uint16_t at = m->neighbor_start[i]++;  // becomes the end of i's list, that is, the start of the next
       m->neighbor[at] = j;
       m->neighbor_face[at] = (uint16_t)f;
@@ -407,7 +424,9 @@ static void link_neighbors(const arrays *m, int vertices, int faces) {
 }
 
 static void measure(gv_hull *hull) {
-  gv_vec3 sum = gv_v3(0, 0, 0), low = hull->vertex[0], high = low;
+  gv_vec3 sum = gv_v3(0, 0, 0);
+  gv_vec3 low = hull->vertex[0];
+  gv_vec3 high = low;
   for (int i = 0; i < hull->vertex_count; i++) {
     gv_vec3 p = hull->vertex[i];
     sum = gv_add(sum, p);
@@ -421,7 +440,8 @@ static void measure(gv_hull *hull) {
 
 static int write_hull(const builder *b, int vertices, gv_arena *arena, gv_hull *out) {
   arrays m;
-  int corners = b->start[b->polygons], error = reserve(arena, vertices, b->polygons, corners, &m);
+  int corners = b->start[b->polygons];
+  int error = reserve(arena, vertices, b->polygons, corners, &m);
   if (error)
     return error;
   for (int i = 0; i < b->count; i++)
@@ -452,7 +472,8 @@ static int write_hull(const builder *b, int vertices, gv_arena *arena, gv_hull *
 
 int gv_hull_build(gv_arena *arena, const gv_vec3 *points, int count, gv_hull *out_hull) {
   builder b;
-  int vertices = 0, error = take_points(&b, points, count);
+  int vertices = 0;
+  int error = take_points(&b, points, count);
   if (error)
     return error;
   error = build_flat(&b, &vertices);
@@ -488,14 +509,17 @@ gv_mass_properties gv_hull_mass_properties(const gv_hull *hull) {
     return gv_ball_mass(hull->center, hull->radius);
   if (hull->vertex_count == 2)
     return gv_capsule_mass(hull->vertex[0], hull->vertex[1], hull->radius);
-  double volume = 0, second[3][3] = {{0}};
-  gv_vec3 first = gv_v3(0, 0, 0), o = hull->center;
+  double volume = 0;
+  double second[3][3] = {{0}};
+  gv_vec3 first = gv_v3(0, 0, 0);
+  gv_vec3 o = hull->center;
   for (int f = 0; f < hull->face_count; f++) {
     const uint16_t *c = &hull->face_vertex[hull->face_start[f]];
     int sides = hull->face_start[f + 1] - hull->face_start[f];
     const gv_vec3 corner = gv_sub(hull->vertex[c[0]], o);
     for (int k = 1; k + 1 < sides; k++) {
-      const gv_vec3 from = gv_sub(hull->vertex[c[k]], o), to = gv_sub(hull->vertex[c[k + 1]], o);
+      const gv_vec3 from = gv_sub(hull->vertex[c[k]], o);
+      const gv_vec3 to = gv_sub(hull->vertex[c[k + 1]], o);
       add_tetrahedron(corner, from, to, &volume, &first, second);
     }
   }
@@ -518,7 +542,8 @@ gv_mass_properties gv_mass_properties_sum(const gv_mass_properties *parts, int c
   sum.center = gv_scale(sum.center, 1.0 / sum.volume);
   for (int i = 0; i < count; i++) {
     gv_vec3 r = gv_sub(parts[i].center, sum.center);
-    const double d[3] = {r.x, r.y, r.z}, share = parts[i].volume / sum.volume;
+    const double d[3] = {r.x, r.y, r.z};
+    const double share = parts[i].volume / sum.volume;
     for (int j = 0; j < 3; j++) {  // parallel axes
       for (int k = 0; k < 3; k++) {
         const double moved = (j == k ? gv_norm2(r) : 0.0);

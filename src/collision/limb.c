@@ -55,6 +55,7 @@ static bool clip_segment(gv_manifold *m, const gv_face *face, gv_vec3 up, const 
 
 // The face on the other side of side k of the face.
 static int face_across(const gv_hull *hull, int face, int k) {
+  assert(face >= 0 && face < hull->face_count);
   int first = hull->face_start[face];
   int sides = hull->face_start[face + 1] - first;
   assert(k >= 0 && k < sides);
@@ -130,6 +131,7 @@ static void walk_to_end(gv_manifold *m, const gv_reference *r, const gv_face *fa
 // The nearest face to the reference that the limb lies over at all: the reference, or one around the vertex.
 static bool find_under_limb(gv_manifold *m, const gv_reference *r, int vertex, const gv_face *segment,
                             gv_face *io_face, span *out_part) {
+  assert(vertex >= 0);
   const gv_core *core = r->core;
   if (clip_segment(m, io_face, r->up, segment, out_part))
     return true;

@@ -3,10 +3,15 @@
 // images, where a symmetric matrix has nothing new, since then L = U^T D^-1.
 #include "dynamics/blocks.h"
 
+#include <assert.h>
 #include <math.h>
 #include <string.h>
 
+_Static_assert(GV_NODES <= UINT8_MAX, "nodes are numbered in 8 bits");
+_Static_assert(GV_BLOCKS < UINT16_MAX, "blocks in 16, 0 being none");
+
 static bool take_block(gv_blocks *b, int i, int k) {
+  assert(i >= 0 && i < b->nodes && k >= 0 && k < b->nodes);
   if (b->at[i][k])
     return true;
   if (b->used == GV_BLOCKS)
@@ -22,6 +27,7 @@ static bool take_block(gv_blocks *b, int i, int k) {
 }
 
 void gv_blocks_begin(gv_blocks *b, int nodes) {
+  assert(nodes >= 0 && nodes <= GV_NODES);
   b->nodes = nodes;
   b->used = b->work = 0;
   b->full = false;

@@ -9,6 +9,7 @@
 
 static void set_mass(gv_body *b, double mass_kg, double added_kg, const gv_mat3 *inertia,
                      double added_inertia) {
+  assert(mass_kg > 0.0 && added_kg >= 0.0 && added_inertia >= 0.0);
   b->mass_kg = mass_kg;
   b->inv_mass = 1.0 / (mass_kg + added_kg);
   b->inertia = *inertia;
@@ -18,6 +19,7 @@ static void set_mass(gv_body *b, double mass_kg, double added_kg, const gv_mat3 
 }
 
 void gv_bodies_set_limb(gv_bodies *bodies, int limb, const gv_spring *spring, double inertia) {
+  assert(limb >= 0 && limb < GV_LIMBS);
   const gv_mat3 own = {{{inertia, 0, 0}, {0, inertia, 0}, {0, 0, inertia}}};
   set_mass(&bodies->body[limb], spring->mass_kg, spring->added_mass_kg, &own, spring->added_inertia);
 }
@@ -58,6 +60,7 @@ static gv_mat3 object_inertia(const gv_config *cfg, const gv_scene *scene, const
 }
 
 static void init_object(gv_bodies *bodies, const gv_config *cfg, const gv_scene *scene, int index) {
+  assert(index >= 0 && index < scene->object_count);
   const gv_object *o = &scene->object[index];
   gv_body *b = &bodies->body[GV_LIMBS + index];
   b->is_static = o->is_static;

@@ -90,6 +90,7 @@ gv_solver_report gv_choice_solve(gv_choice *choice, gv_problem *problem, gv_velo
 
 // A ring of limbs, each pressed against the next in many places.
 static void state_ring(gv_problem *problem, int contacts) {
+  assert(contacts > 0 && contacts <= GV_MAX_CONTACTS);
   memset(problem, 0, sizeof *problem);
   problem->step_s = 0.001;
   problem->budget_s = 1e3;

@@ -35,7 +35,10 @@ typedef struct gv_dantzig {
 
 // ---- cost -----------------------------------------------------------------------------------------
 
+_Static_assert(GV_BODIES <= UINT8_MAX + 1, "bodies are numbered in 8 bits");
+
 static int find_root(uint8_t *parent, int i) {
+  assert(i >= 0 && i < GV_BODIES);
   while (parent[i] != i) {
     parent[i] = parent[parent[i]];
     i = parent[i];

@@ -51,13 +51,17 @@ void gv_dynamics_warm_up(gv_dynamics *dyn) {
   dyn->warm_up_errors = gv_ode_failures(dyn->choice.ode);
 }
 
-const gv_body_state *gv_dynamics_state(const gv_dynamics *dyn, int body) { return &dyn->bodies.state[body]; }
+const gv_body_state *gv_dynamics_state(const gv_dynamics *dyn, int body) {
+  assert(body >= 0 && body < dyn->bodies.count);
+  return &dyn->bodies.state[body];
+}
 
 void gv_dynamics_set_state(gv_dynamics *dyn, int body, const gv_body_state *s) {
   gv_bodies_set_state(&dyn->bodies, body, s);
 }
 
 void gv_dynamics_set_limb(gv_dynamics *dyn, int limb, const gv_spring *spring, double inertia) {
+  assert(limb >= 0 && limb < GV_LIMBS);
   gv_bodies_set_limb(&dyn->bodies, limb, spring, inertia);
 }
 
@@ -75,6 +79,7 @@ void gv_dynamics_set_rest(gv_dynamics *dyn, int body, bool rest) {
 }
 
 bool gv_dynamics_pushed(const gv_dynamics *dyn, int body) {
+  assert(body >= 0 && body < dyn->bodies.count);
   const gv_body *b = &dyn->bodies.body[body];
   return gv_norm2(b->force) > 0.0 || gv_norm2(b->torque) > 0.0;
 }
@@ -89,7 +94,10 @@ void gv_dynamics_add_force(gv_dynamics *dyn, int body, gv_vec3 f, gv_vec3 t) {
   gv_bodies_add_force(&dyn->bodies, body, f, t);
 }
 
-void gv_dynamics_set_share(gv_dynamics *dyn, double share) { dyn->choice.effort = share; }
+void gv_dynamics_set_share(gv_dynamics *dyn, double share) {
+  assert(share > 0.0 && share <= 1.0);
+  dyn->choice.effort = share;
+}
 
 void gv_dynamics_forget(gv_dynamics *dyn) { gv_choice_forget(&dyn->choice); }
 

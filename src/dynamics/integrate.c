@@ -4,6 +4,8 @@
 // body does not gain energy. Real-time thread.
 #include "dynamics/bodies.h"
 
+#include <assert.h>
+
 // R K R^T.
 static gv_mat3 in_world(gv_quat q, const gv_mat3 *K) {
   const gv_mat3 R = gv_mat3_from_quat(q);
@@ -21,6 +23,7 @@ static gv_mat3 in_world(gv_quat q, const gv_mat3 *K) {
 // Spin w (body axes) after a step without torque: I (w1 - w) + h w1 x I w1 = 0, one Newton step from w (Catto
 // 2015).
 static gv_vec3 turn_freely(const gv_mat3 *I, gv_vec3 w, double h) {
+  assert(h > 0.0);
   const gv_vec3 L = gv_mat3_mul(I, w);
   const gv_vec3 residual = gv_scale(gv_cross(w, L), h);
   gv_mat3 J;
@@ -53,6 +56,7 @@ static void move_object(const gv_body *b, const gv_body_state *s, gv_vec3 gravit
 }
 
 void gv_bodies_move_freely(const gv_bodies *bodies, double h, gv_problem_body out_body[]) {
+  assert(bodies->count >= GV_LIMBS && bodies->count <= GV_BODIES);
   for (int i = 0; i < bodies->count; i++) {
     const gv_body *b = &bodies->body[i];
     const gv_body_state *s = &bodies->state[i];
@@ -71,6 +75,7 @@ void gv_bodies_move_freely(const gv_bodies *bodies, double h, gv_problem_body ou
 }
 
 void gv_bodies_predict(const gv_bodies *bodies, double h, int body, gv_body_state *out) {
+  assert(body >= 0 && body < bodies->count);
   const gv_body *b = &bodies->body[body];
   *out = bodies->state[body];
   if (!gv_body_moves(b)) {

@@ -47,6 +47,7 @@ static gv_problem_joint place_joint(const gv_joint *joint, const gv_body_state s
 // ---- rows -----------------------------------------------------------------------------------------
 
 static gv_problem_row *add_row(gv_problem *problem, gv_problem_joint *j, int place, gv_vec3 direction) {
+  assert(place >= 0 && problem->row_count >= 0);
   assert(problem->row_count < GV_MAX_ROWS && place < GV_JOINT_ROWS);
   gv_problem_row *row = &problem->row[problem->row_count++];
   const int number = (int)(j - problem->joint);

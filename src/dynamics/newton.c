@@ -106,6 +106,7 @@ static void choose_start(gv_newton *s) {
 }
 
 static void keep_guess(gv_newton *s) {
+  assert(s->count >= 0 && s->count <= GV_MAX_CONTACTS);
   for (int i = 0; i < s->count; i++) {
     const gv_newton_contact *c = &s->contact[i];
     s->last[i] = (gv_newton_guess){c->body_a, c->body_b, c->mode.friction_dir, c->mode.lambda, c->mode.state};
@@ -198,10 +199,11 @@ static void adopt_modes_by_pair(gv_newton *s) {
 
 // ---- what it costs --------------------------------------------------------------------------------
 
-// Of one solution, seconds: a contact that answers and is projected, a block that one adds to the matrix, and a block
-// operation there. Measured in heaps of sixty boxes (2,900 steps of 1 to 60 solutions, warm caches; the sum follows the
-// time within a fifth), and a third more.
+// Of one solution, seconds: a contact that answers and is projected, a block that one adds to the matrix,
+// and a block operation there. Measured in heaps of sixty boxes (2,900 steps of 1 to 60 solutions, warm
+// caches; the sum follows the time within a fifth), and a third more.
 static double solve_cost_s(int contacts, int assembled, int block_operations) {
+  assert(contacts >= 0 && assembled >= 0 && block_operations >= 0);
   return 2e-8 * contacts + 6e-8 * assembled + 8e-8 * block_operations;
 }
 
@@ -387,8 +389,9 @@ static gv_vec3 change_at(const gv_problem *problem, int body, const gv_velocity 
   return gv_add(gv_sub(velocity[body].v, b->v), turn);
 }
 
-// The active set that the projection (6) reads off an inexact answer is nearer to the next step's than that of an iteration
-// that was given up: with it a heap of boxes that quickstep holds comes back to Newton as soon as it has settled.
+// The active set that the projection (6) reads off an inexact answer is nearer to the next step's
+// than that of an iteration that was given up: with it a heap of boxes that quickstep holds comes
+// back to Newton as soon as it has settled.
 static void learn(void *memory, const gv_problem *problem, const gv_velocity velocity[],
                   const gv_vec3 impulse[]) {
   gv_newton *s = memory;

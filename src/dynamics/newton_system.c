@@ -16,6 +16,7 @@ enum { NOBODY = -2, STATIC = -1, MANY = GV_BODIES };
 static bool is_limb(int body) { return body < GV_LIMBS; }
 
 static void add_node(gv_newton *s, const gv_problem *problem, int body) {
+  assert(body >= 0 && body < problem->body_count);
   const gv_problem_body *b = &problem->body[body];
   gv_newton_node *node = &s->node[s->nodes];
   assert(s->nodes < GV_NODES);
@@ -83,6 +84,7 @@ static gv_vec3 point_velocity(const gv_problem_body *b, gv_vec3 arm) {
 }
 
 static void make_contact(gv_newton *s, const gv_problem *problem, int i) {
+  assert(i >= 0 && i < problem->contact_count);
   const gv_problem_contact *from = &problem->contact[i];
   const gv_problem_body *a = &problem->body[from->body_a];
   const gv_problem_body *b = &problem->body[from->body_b];
@@ -436,6 +438,7 @@ void gv_newton_change_all(gv_newton *s) {
 }
 
 bool gv_newton_solve(gv_newton *s, double softening) {
+  assert(softening >= 1.0);
   const bool symmetric = is_symmetric(s);
   update_stiffnesses(s, softening);
   if (!assemble(s, symmetric))

@@ -183,6 +183,7 @@ void gv_ode_close(gv_ode *o) {
 // ---- the problem into the world -------------------------------------------------------------------
 
 static void put_mass(gv_ode *o, int i, const gv_problem_body *b) {
+  assert(i >= 0 && i < GV_BODIES && b->mass > 0.0);
   if (b->mass == o->mass[i] && memcmp(&b->inertia, &o->inertia[i], sizeof b->inertia) == 0)
     return;
   dMass m;
@@ -213,6 +214,7 @@ static void put_vector(dReal *out, gv_vec3 v) {
 }
 
 static void put_contact(gv_ode *o, const gv_problem *problem, const gv_ode_method *method, int i) {
+  assert(i >= 0 && i < problem->contact_count);
   const gv_problem_contact *c = &problem->contact[i];
   const double h = problem->step_s;
   dContact k;
@@ -318,6 +320,8 @@ static void clear_world(gv_ode *o, const gv_problem *problem, const bool touched
 
 bool gv_ode_solve(gv_ode *o, const gv_problem *problem, const gv_ode_method *method,
                   gv_velocity out_velocity[], gv_vec3 out_impulse[]) {
+  assert(problem->body_count <= GV_BODIES && problem->contact_count <= GV_MAX_CONTACTS &&
+         problem->step_s > 0.0);
   bool touched[GV_BODIES];
   const unsigned messages = o->messages;
   find_touched(problem, touched);

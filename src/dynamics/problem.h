@@ -21,7 +21,7 @@
 #include <stdbool.h>
 
 #include "base/body_state.h"
-#include "gloved/engine.h"
+#include "gloved/config.h"
 
 // A body in world axes. Numbers 0 to GV_LIMBS - 1 are limbs, whose inertia is the same about every axis.
 typedef struct gv_problem_body {

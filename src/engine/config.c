@@ -60,6 +60,9 @@ gv_config gv_config_paper(void) {
   return c;
 }
 
+_Static_assert(sizeof(gv_solver) == sizeof(int) && sizeof(gv_friction) == sizeof(int),
+               "a choice is read as an int");
+
 static const char *const rotation_laws[] = {[GV_ROTATION_LOG] = "log", [GV_ROTATION_PAPER] = "paper", NULL};
 static const char *const narrow_phases[] = {[GV_NARROW_CORE] = "core", [GV_NARROW_LIBCCD] = "libccd", NULL};
 static const char *const frictions[] = {
@@ -124,6 +127,9 @@ const gv_setting gv_engine_settings[GV_ENGINE_SETTINGS] = {
   NUMBER("override", "mu", override_mu, 0, 1e4, ""),
   BOOL("override", "sphere_inertia", override_sphere_inertia, ""),
 };
+
+_Static_assert(sizeof gv_engine_settings / sizeof *gv_engine_settings == GV_ENGINE_SETTINGS,
+               "as engine.h says");
 
 // No not-a-number is.
 static bool within(double value, double min, double max) { return value >= min && value <= max; }

@@ -10,7 +10,6 @@
 #include "gloved/force.h"
 
 // A body beyond these is not simulated any more but put back: it fell off the world or blew up.
-#define FAR_M 100.0
 #define FAST_M_S 500.0
 #define SPIN_RAD_S 1e5
 
@@ -238,8 +237,9 @@ static void solve(gv_engine *e) {
 
 static bool state_sound(const gv_body_state *s) {  // what is not finite is not less
   gv_quat q = s->T.q;
-  return q.w * q.w + q.x * q.x + q.y * q.y + q.z * q.z < 2.0 && gv_norm2(s->T.p) < FAR_M * FAR_M &&
-         gv_norm2(s->v) < FAST_M_S * FAST_M_S && gv_norm2(s->w) < SPIN_RAD_S * SPIN_RAD_S;
+  return q.w * q.w + q.x * q.x + q.y * q.y + q.z * q.z < 2.0 &&
+         gv_norm2(s->T.p) < (double)GV_FARTHEST_M * GV_FARTHEST_M && gv_norm2(s->v) < FAST_M_S * FAST_M_S &&
+         gv_norm2(s->w) < SPIN_RAD_S * SPIN_RAD_S;
 }
 
 static void put_back(gv_engine *e, int body, const gv_pose *T_start) {
@@ -290,6 +290,7 @@ static void feel_coupling(gv_engine *e, double out_tension_n[GV_FINGERS]) {
 }
 
 void gv_engine_step(gv_engine *e, const gv_sample *sample, gv_step_result *out) {
+  assert(e && sample && out);
   e->events = 0;
   take_sample(e, sample);  // device driver update: skeleton to driver frames
   pull_limbs(e);           // coupling, Eqn 1 to 4

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // Reading an engine's state, hashing it, and placing objects. Called between steps by the thread that steps.
+#include <assert.h>
 #include <string.h>
 
 #include "engine/engine_state.h"
@@ -10,20 +11,30 @@ const gv_contact *gv_engine_contacts(const gv_engine *e, int *out_count) {
   return e->contact;
 }
 bool gv_engine_hand_placed(const gv_engine *e) { return e->placed; }
-gv_pose gv_engine_limb_pose(const gv_engine *e, int limb) { return gv_dynamics_state(e->dyn, limb)->T; }
-gv_pose gv_engine_driver_pose(const gv_engine *e, int limb) { return e->driver[limb].T; }
+gv_pose gv_engine_limb_pose(const gv_engine *e, int limb) {
+  assert(limb >= 0 && limb < GV_LIMBS);
+  return gv_dynamics_state(e->dyn, limb)->T;
+}
+gv_pose gv_engine_driver_pose(const gv_engine *e, int limb) {
+  assert(limb >= 0 && limb < GV_LIMBS);
+  return e->driver[limb].T;
+}
 void gv_engine_limb_velocity(const gv_engine *e, int limb, gv_vec3 *out_v, gv_vec3 *out_w) {
+  assert(limb >= 0 && limb < GV_LIMBS);
   *out_v = gv_dynamics_state(e->dyn, limb)->v;
   *out_w = gv_dynamics_state(e->dyn, limb)->w;
 }
 void gv_engine_coupling(const gv_engine *e, int limb, gv_vec3 *out_f, gv_vec3 *out_t) {
+  assert(limb >= 0 && limb < GV_LIMBS);
   *out_f = gv_neg(e->felt_f[limb]);
   *out_t = gv_neg(e->felt_t[limb]);
 }
 gv_pose gv_engine_object_pose(const gv_engine *e, int object) {
+  assert(object >= 0 && object < e->scene->object_count);
   return gv_dynamics_state(e->dyn, GV_LIMBS + object)->T;
 }
 void gv_engine_object_velocity(const gv_engine *e, int object, gv_vec3 *out_v, gv_vec3 *out_w) {
+  assert(object >= 0 && object < e->scene->object_count);
   *out_v = gv_dynamics_state(e->dyn, GV_LIMBS + object)->v;
   *out_w = gv_dynamics_state(e->dyn, GV_LIMBS + object)->w;
 }
@@ -36,11 +47,13 @@ void gv_engine_memory(const gv_engine *e, size_t *out_used, size_t *out_peak, si
 }
 double gv_engine_energy(const gv_engine *e) { return gv_dynamics_object_energy(e->dyn); }
 void gv_engine_push_object(gv_engine *e, int object, gv_vec3 f_world, gv_vec3 t_world) {
+  assert(object >= 0 && object < e->scene->object_count);
   gv_dynamics_add_force(e->dyn, GV_LIMBS + object, f_world, t_world);
   if (gv_dynamics_pushed(e->dyn, GV_LIMBS + object))
     gv_engine_wake_object(e, object);
 }
 void gv_engine_set_object(gv_engine *e, int object, gv_pose T_world_body, gv_vec3 v, gv_vec3 w) {
+  assert(object >= 0 && object < e->scene->object_count);
   for (int o = 0; o < e->scene->object_count; o++)
     gv_engine_wake_object(e, o);  // it may have carried others
   gv_broad_forget_sides(&e->broad, object);
@@ -57,6 +70,7 @@ static bool is_first_of_pair(const gv_engine *e, int i) {
 }
 
 int gv_engine_polygons(const gv_engine *e, gv_polygon_contact out[], int max) {
+  assert(out && max >= 0);
   enum { OF_PAIR = 32 };
   gv_polygon_depth polygon[OF_PAIR];
   int count = 0;

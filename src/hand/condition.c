@@ -164,7 +164,7 @@ static int take_pose(gv_condition *c, const gv_config *cfg, const gv_sample *sam
   double n = T.q.w * T.q.w + T.q.x * T.q.x + T.q.y * T.q.y + T.q.z * T.q.z;
   if (!gv_pose_finite(T))
     return refuse(c, GV_SAMPLE_NOT_FINITE);
-  if (fabs(n - 1.0) > 0.01 || gv_norm(T.p) > 100.0)
+  if (fabs(n - 1.0) > 0.01 || gv_norm(T.p) > GV_FARTHEST_M)
     return refuse(c, GV_SAMPLE_NO_POSE);
   const double age_s = pose_age(c);
   const double gate_m = gate_of(cfg->gate_m_s, age_s);

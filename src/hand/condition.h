@@ -9,7 +9,7 @@
 #ifndef GLOVED_HAND_CONDITION_H
 #define GLOVED_HAND_CONDITION_H
 
-#include "gloved/engine.h"
+#include "gloved/config.h"
 
 enum { GV_CORNERS = 256 };  // of the filter, evenly from rest to filter_hz; 1 costs 32 B
 

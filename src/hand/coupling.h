@@ -4,7 +4,7 @@
 #define COUPLING_H
 
 #include "base/body_state.h"
-#include "gloved/engine.h"
+#include "gloved/config.h"
 
 // A coupling made ready for one limb and one step size.
 typedef struct gv_spring {

@@ -33,6 +33,7 @@ only one_file_knows_ccd '#include <ccd/' 'src/collision/libccd\.c'
 only one_file_knows_lcm '#include <lcm/|#include "gloved_.*_t\.h"' 'src/daemon/tell/telemetry\.c|tools/gloved-(top|command)\.c'
 only one_file_knows_libconfig '#include <libconfig' 'src/daemon/load/conf\.c'
 only one_file_knows_zlib '#include <zlib' 'drivers/log_file\.c'
+wall the_parts_know_no_engine '#include "gloved/engine\.h"' src/base/*.[ch] src/hand/*.[ch] src/collision/*.[ch] src/dynamics/*.[ch] src/safety/*.[ch] src/wire/*.[ch]
 room base
 room hand base
 room collision base

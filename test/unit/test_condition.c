@@ -5,6 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "gloved/engine.h"
 #include "hand/condition.h"
 #include "support/check.h"
 
@@ -168,8 +169,8 @@ static void test_a_true_jump_passes_at_the_second_sample(void) {
   CHECK_NEAR(c.angle[GV_INDEX_MPJ], 0.8, 1e-9);
 }
 
-// A hand at 6 m/s under a log of 100 Hz that holds every pose of a slower tracker twice (RMonica/hand-polhemus-dataset): it is
-// only fast. A pose that is elsewhere is held back all the same.
+// A hand at 6 m/s under a log of 100 Hz that holds every pose of a slower tracker twice
+// (RMonica/hand-polhemus-dataset): it is only fast. A pose that is elsewhere is held back all the same.
 static void test_a_fast_hand_is_no_jump(void) {
   start();
   int held = 0;

@@ -7,6 +7,7 @@
 // of blocks against that of the whole matrix.
 #include <string.h>
 
+#include "gloved/engine.h"
 #include "dynamics/newton.h"
 #include "support/check.h"
 

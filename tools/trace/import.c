@@ -51,7 +51,7 @@ static unsigned fill_glove(const job *j, const gv_calibration *cal, const double
 static void fill_pose(const double *row, gv_pose_msg *out) {
   out->flags = GV_POSE_VALID;
   out->stamp_us = (uint32_t)(int64_t)(row[0] * 1e6 + 0.5);
-  out->receiver = 2;
+  out->receiver = GV_RECEIVER_HAND;
   out->T_world_receiver = (gv_pose){{row[4], row[5], row[6], row[7]}, {row[1], row[2], row[3]}};
 }
 

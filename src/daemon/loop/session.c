@@ -12,8 +12,6 @@
 #include <math.h>
 #include <string.h>
 
-static const double farthest_m = 100.0;  // of the tracker's receiver from the origin
-
 void gv_session_init(gv_session *session, const gv_session_config *cfg, gv_engine *engine) {
   assert(cfg->period_s > 0.0 && engine);
   *session = (gv_session){
@@ -75,7 +73,7 @@ static uint32_t heed_glove(gv_session *session, const gv_glove_msg *msg) {
 // Beyond 100 m the engine refuses the pose: taking it as fresh here would let a force go on from an old one.
 static bool heed_pose(gv_session *session, const gv_pose_msg *msg) {
   const bool usable = (msg->flags & GV_POSE_VALID) && !(msg->flags & GV_POSE_TRACKER_ERROR) &&
-                      gv_norm(msg->T_world_receiver.p) <= farthest_m;
+                      gv_norm(msg->T_world_receiver.p) <= GV_FARTHEST_M;
   if (!usable && msg->receiver == GV_RECEIVER_HAND)
     session->doubts_heard |= GV_FAULT_TRACKER;
   return !usable;

@@ -17,8 +17,6 @@
 #include "wire/stream.h"
 
 enum {
-  GV_RECEIVER_HEAD = 1,
-  GV_RECEIVER_HAND = 2,  // POSE.receiver
   // An older counter is dropped; after so many in a row the device has restarted, and counting starts anew.
   GV_SESSION_RESYNC = GV_STREAM_RESYNC
 };
@@ -111,7 +109,8 @@ void gv_session_set_rung(gv_session *session, gv_rung rung);
 // A period without a step: safety goes on, and an open dead-man switch or a doubt in the frames
 // that wait for the next step counts.
 void gv_session_hold(gv_session *session, int64_t now_ns, const gv_frame *frame, int count);
-// Frames that wait for the next step: an open dead-man switch, or a doubt, ends the force from the next command on.
+// Frames that wait for the next step: an open dead-man switch, or a doubt, ends the
+// force from the next command on.
 void gv_session_heed(gv_session *session, const gv_frame *frame, int count);
 // What the device is told at now_ns, when it is sent: after a step, and again between two steps where they
 // are far apart. The limiter reckons with the time since the last command. Always writes one.
