@@ -336,12 +336,21 @@ static int write_report(const char *path, const gv_sim_report *r, const gv_drive
   return fclose(file) == 0 ? 0 : 2;
 }
 
+// The scene is the engine's; here the script is what decides.
+static void describe(const options *o) {
+  gv_about_now(&about);
+  snprintf(about.fcu, sizeof about.fcu, "%s%s", o->can ? "can:" : "", o->can ? o->can : o->udp);
+  snprintf(about.hand, sizeof about.hand, "%s", all.script.side == GV_LEFT ? "left" : "right");
+  if (o->script)
+    gv_about_read_file(o->script, &about.settings);
+}
+
 int main(int argc, char **argv) {
   gv_keep_standard_files();
   if (program_answers(argc, argv, help_text))
     return 0;
   options o;
-  gv_about_now(&about);
+  char err[512];
   gv_about_command_line(argc, argv, about.command_line);
   int error = read_options(argc, argv, &o);
   if (error)
@@ -350,6 +359,11 @@ int main(int argc, char **argv) {
     return 2;
   if (o.record && !(all.record = fopen(o.record, "w"))) {
     fprintf(stderr, "fcusim: %s: %s; give a file that can be written\n", o.record, strerror(errno));
+    return 2;
+  }
+  describe(&o);
+  if (o.record && gv_about_write(&about, o.record, err, sizeof err)) {
+    fprintf(stderr, "fcusim: %s\n", err);
     return 2;
   }
   if (all.record)

@@ -9,6 +9,7 @@
 #include <string.h>
 
 #include "gloved/drivers.h"
+#include "daemon/load/about.h"
 #include "trace/trace.h"
 #include "tools/program.h"
 
@@ -65,8 +66,19 @@ _Bool trace_number(const char *text, double lo, double hi, double *out) {
   return 1;
 }
 
+static gv_about about;
+
+int trace_about(int code, const char *path) {
+  char err[512];
+  if (code != EXIT_DONE || strcmp(path, "-") == 0)
+    return code;
+  gv_about_now(&about);
+  return gv_about_write(&about, path, err, sizeof err) ? trace_fail(EXIT_FAULT, "%s", err) : code;
+}
+
 int main(int argc, char **argv) {
   gv_keep_standard_files();
+  gv_about_command_line(argc, argv, about.command_line);
   const char *verb = argc > 1 ? argv[1] : "";
   if (program_answers(argc, argv, help))
     return EXIT_DONE;

@@ -108,6 +108,11 @@ class Run:
                 ("deepest penetration", f"{last.depth_max_m * 1e3:.3f} mm"),
                 ("largest energy of the coupling", f"{self.energy.sum(axis=1).max() * 1e3:.2f} mJ"),
                 ("missed deadlines", f"{last.missed_deadlines}"), ("frames lost, bad, late", f"{last.frames_lost}, {last.frames_bad}, {last.frames_late}")]
+        about = self.log.of("GLOVED_ABOUT")
+        if about:
+            a = about[0]
+            rows += [("made by", f"gloved {a.version} ({a.commit}), {a.date}"), ("command line", a.command_line),
+                     ("scene", f"{a.scene} ({a.scene_hash})"), ("settings", a.settings or "the defaults"), ("hand, rate", f"{a.hand}, {a.rate_hz:g} Hz")]
         for name in ("step", "wake"):
             found = self.histogram(name)
             if found:

@@ -19,6 +19,32 @@ def frame_text(frame):
     return f"{name}##{frame.flags >> 1 & 3:X}{data}" if frame.flags & 1 else f"{name}#{data}"
 
 
+def quoted(text):
+    """As libconfig reads it."""
+    escaped = "".join({"\\": "\\\\", '"': '\\"', "\n": "\\n", "\t": "\\t", "\r": "\\r"}.get(c, c if c >= " " and c != "\x7f" else f"\\x{ord(c):02x}")
+                      for c in text)
+    return f'"{escaped}"'
+
+
+def about_file(key, name, digest, text):
+    lines = [f"  name = {quoted(name)};", f"  hash = {quoted(digest)};"] + ([f"  text = {quoted(text)};"] if text else [])
+    return f"{key} = {{\n" + "\n".join(lines) + "\n};\n" if name else ""
+
+
+def write_about(log, path):
+    """What the run was made of (GLOVED_ABOUT) beside the recording, as gloved --record writes it: a replay takes that scene."""
+    about = log.of("GLOVED_ABOUT")
+    if not about:
+        print("log-to-trace: no GLOVED_ABOUT in the log: a replay will not know the scene", file=sys.stderr)
+        return
+    a = about[0]
+    texts = {"program": a.version, "commit": a.commit, "date": a.date, "command_line": a.command_line, "fcu": a.fcu, "tracker": a.tracker, "hand": a.hand}
+    with open(path + ".about", "w", encoding="utf-8") as out:
+        out.write(f"# What {path} was made of; gloved reads it when the recording is replayed.\nversion = 1;\n")
+        out.write("".join(f"{key} = {quoted(text)};\n" for key, text in texts.items()) + f"rate_hz = {a.rate_hz:.9f};\n")
+        out.write(about_file("scene", a.scene, a.scene_hash, a.scene_text) + about_file("settings", a.settings, a.settings_hash, a.settings_text))
+
+
 def main():
     if sys.argv[1:] in (["--help"], ["-h"]):
         print(__doc__)
@@ -45,6 +71,7 @@ def main():
                 out.write(f"({stamp_us // 1000000}.{stamp_us % 1000000:06d}) gloved {frame_text(frame)}\n")
         stamp_us = round((last - 1) * period * 1e9) // 1000
         out.write(f"({stamp_us // 1000000}.{stamp_us % 1000000:06d}) gloved {MARK}\n")
+    write_about(log, sys.argv[2])
     print(f"{sys.argv[2]}: {last} steps of {period * 1e3:g} ms")
 
 

@@ -108,6 +108,45 @@ def test_summary_and_log_say_what_they_are_of(folder):
     assert message.command_line == about["command_line"] and message.commit == about["commit"]
 
 
+def tool(*words, code=0):
+    told = subprocess.run(words, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, timeout=60)
+    assert told.returncode == code, told
+    return told.stdout
+
+
+def test_a_recording_made_of_a_log_knows_its_scene(folder):
+    r = Recording(folder)
+    out = os.path.join(folder, "made.log")
+    tool(sys.executable, "tools/log_to_trace.py", r.lcm, out)
+    said = gloved("--fcu", f"trace:{out}?speed=0", "--scene", "data/scenes/box.scene", code=2)
+    assert r.scene in said and "data/scenes/box.scene" in said, said
+    gloved("--fcu", f"trace:{out}?speed=0", "--summary", r.again)
+    r.is_the_same()
+    os.remove(r.scene)  # the text is kept
+    gloved("--fcu", f"trace:{out}?speed=0", "--summary", r.again)
+    r.is_the_same()
+
+
+def test_recordings_of_the_tools_say_what_made_them(folder):
+    log, report = os.path.join(folder, "device.log"), os.path.join(folder, "device.json")
+    tool(B + "/fcusim", "--udp", "udp://127.0.0.1:29301?listen=29300", "--script", "data/scripts/pinch_box.user", "--wait", "0", "--duration", "0.3",
+         "--record", log, "--report", report)
+    with open(log + ".about", encoding="utf-8") as file:
+        text = file.read()
+    assert "fcusim --udp" in text and 'hand = "right"' in text and "pinch_box.user" in text and "posture" in text, text
+    about = summary(report)["about"]
+    assert about["hand"] == "right" and about["settings"]["name"] == "data/scripts/pinch_box.user" and about["date"].endswith("Z"), about
+    gloved("--fcu", f"trace:{log}?speed=0")
+    table = os.path.join(folder, "table.csv")
+    with open(table, "w", encoding="utf-8") as file:
+        file.write("t_s,index_mpj\n" + "".join(f"{i / 100},{i / 200}\n" for i in range(100)))
+    out = os.path.join(folder, "imported.log")
+    tool(B + "/gloved-trace", "import", table, "-o", out)
+    with open(out + ".about", encoding="utf-8") as file:
+        assert "gloved-trace import" in file.read()
+    gloved("--fcu", f"trace:{out}?speed=0")
+
+
 def test_settings_file_is_kept(folder):
     conf, again = os.path.join(folder, "my.conf"), os.path.join(folder, "run.json")
     with open(conf, "w", encoding="utf-8") as file:

@@ -140,7 +140,7 @@ static int write_aligned(const align *a, size_t missed, double rate_hz, const ch
     return trace_fail(EXIT_FAULT, "%s: cannot be written (%s); free the disk", path, strerror(errno));
   fprintf(stderr, "%zu frames in %llu steps; %zu had passed before the engine listened\n", next - missed,
           (unsigned long long)(a->command[a->command_count - 1].step - first + 1), missed);
-  return EXIT_DONE;
+  return trace_about(EXIT_DONE, path);
 }
 
 static int align_log(const char *in, const char *out, double rate_hz) {

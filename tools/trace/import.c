@@ -108,7 +108,7 @@ static int write_log(const job *j) {
   print_beyond(beyond);
   fprintf(stderr, "%zu glove and %zu pose frames, %.3f s\n", j->hand.count, j->pose.count,
           fmax(last_time(&j->hand), last_time(&j->pose)));
-  return EXIT_DONE;
+  return trace_about(EXIT_DONE, j->out);
 }
 
 static int read_wrist(job *j) {

@@ -101,5 +101,5 @@ int trace_record(int argc, char **argv) {
       code = trace_fail(EXIT_FAULT, "%s: cannot be written (%s); free the disk", path, strerror(errno));
   }
   link.close(link.self);
-  return code;
+  return trace_about(code, path);
 }
