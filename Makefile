@@ -41,19 +41,24 @@ CAN_PACKAGES  := can-utils user-mode-linux kmod iproute2
 .DELETE_ON_ERROR:
 .SECONDARY:
 
-## run: the demo: a simulated user grasps and lifts a box over UDP, in this terminal
-run: $(B)/gloved $(B)/fcusim
-	$(Q)B=$(B) tools/demo
-
-# What the viewers show: the Stanford bunny, or SCRIPT=... SCENE=...
-SCRIPT := data/scripts/power_box.user
+# What is shown: the Stanford bunny (run: the box), or SCENE=FILE in a grasp that gloved-grasp finds for it, or SCRIPT=FILE.
+OWN    := $(filter command,$(word 1,$(origin SCENE)))
+GRASP  := build/grasps/$(subst /,_,$(basename $(SCENE))).user
+SCRIPT := $(if $(OWN),$(GRASP),data/scripts/power_box.user)
 SCENE  := build/scenes/bunny.scene
+## run: the demo: a simulated user grasps and lifts a box over UDP, in this terminal (SCENE=FILE: what is in there)
+run: $(B)/gloved $(B)/fcusim $(if $(OWN),$(SCRIPT) $(SCENE))
+	$(Q)B=$(B) tools/demo $(if $(OWN),$(SCRIPT) $(SCENE),$(if $(filter command,$(word 1,$(origin SCRIPT))),$(SCRIPT)))
+$(GRASP): $(SCENE) $(B)/gloved-grasp
+	@mkdir -p $(@D)
+	$(Q)$(B)/gloved-grasp $(SCENE) -o $@
+
 ## view: a hand grasps the bunny, in 3D in a browser (420 MB at first use: Drake's viewer)
-view: build/venv-view/.done $(B)/gloved $(SCENE)
+view: build/venv-view/.done $(B)/gloved $(SCENE) $(if $(OWN),$(SCRIPT))
 	$(Q)B=$(B) tools/view $(SCRIPT) $(SCENE)
 
 ## look: the same with a viewer of our own: 15 MB instead of 420, no Drake
-look: build/venv-look/.done $(B)/gloved $(SCENE)
+look: build/venv-look/.done $(B)/gloved $(SCENE) $(if $(OWN),$(SCRIPT))
 	$(Q)B=$(B) VIEWER="build/venv-look/bin/python tools/look.py" tools/view $(SCRIPT) $(SCENE)
 
 ## hand: grasp it yourself, without a glove: keys in this terminal, the picture in the browser (HAND_SCENE=...)
@@ -399,6 +404,7 @@ $(TOOLS:%=$(B)/%): $(B)/%: $(B)/tools/%.o $(LIB)
 	$(Q)$(CC) $(LDFLAGS) $(filter-out $(LIB),$^) $(LIB) $(LDLIBS) -o $@
 $(B)/fcusim: $(call OBJ,$(wildcard tools/fcusim/*.c))
 $(B)/gloved-trace: $(call OBJ,$(wildcard tools/trace/*.c))
+$(B)/gloved-grasp: $(call OBJ,$(wildcard tools/grasp/*.c))
 # Benchmarks: clocks around the step's parts, by way of the linker; the peers from their own packages.
 $(B)/test/bench_engine: $(B)/test/bench/bench_engine.o $(LIB)
 	@mkdir -p $(@D)
