@@ -145,7 +145,7 @@ test-can: build/.can-packages build/venv/.ready
 	$(Q)$(MAKE) --no-print-directory all
 	$(Q)B=$(B) test/can/run
 
-## test-oracle: the contact solver beside Siconos, on the same problems (27 MB at first use, 20 s)
+## test-oracle: the contact solver beside Siconos, on the same problems (27 MB at first use, 30 s)
 test-oracle: build/.oracle-packages
 	$(Q)$(MAKE) --no-print-directory $(B)/test/oracle_siconos
 	$(Q)$(B)/test/oracle_siconos
