@@ -350,7 +350,7 @@ $(FUZZ:%=$(B)/test/%): $(B)/test/%: $(B)/test/fuzz/%.o $(LIB)
 	@mkdir -p $(@D)
 	@echo "  LD   $@"
 	$(Q)$(CC) -fsanitize=fuzzer $(LDFLAGS) $^ $(LDLIBS) -o $@
-$(B)/test/fuzz_command: LDFLAGS += -Wl,--wrap=lcm_create,--wrap=lcm_subscribe,--wrap=lcm_publish,--wrap=lcm_handle_timeout,--wrap=lcm_eventlog_create
+$(B)/test/fuzz_command: LDFLAGS += -Wl,--wrap=lcm_create,--wrap=lcm_subscribe,--wrap=lcm_publish,--wrap=lcm_handle_timeout,--wrap=lcm_eventlog_create,--wrap=lcm_subscription_set_queue_capacity
 
 # What the build and the tests need, from Debian by name.
 build/.run-packages:

@@ -12,6 +12,7 @@
 lcm_t *__wrap_lcm_create(const char *url);
 lcm_subscription_t *__wrap_lcm_subscribe(lcm_t *lcm, const char *channel, lcm_msg_handler_t handler,
                                          void *user);
+int __wrap_lcm_subscription_set_queue_capacity(lcm_subscription_t *subscription, int messages);
 int __wrap_lcm_publish(lcm_t *lcm, const char *channel, const void *data, unsigned size);
 int __wrap_lcm_handle_timeout(lcm_t *lcm, int timeout_ms);
 lcm_eventlog_t *__wrap_lcm_eventlog_create(const char *path, const char *mode);
@@ -32,6 +33,11 @@ lcm_subscription_t *__wrap_lcm_subscribe(lcm_t *lcm, const char *channel, lcm_ms
     on_command_user = user;
   }
   return (lcm_subscription_t *)(void *)lcm;
+}
+
+int __wrap_lcm_subscription_set_queue_capacity(lcm_subscription_t *subscription, int messages) {
+  REQUIRE(subscription && messages > 0);
+  return 0;
 }
 
 int __wrap_lcm_publish(lcm_t *lcm, const char *channel, const void *data, unsigned size) {

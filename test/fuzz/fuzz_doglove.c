@@ -50,10 +50,11 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
   }
   gv_doglove_encode(&whole, block);
   const int count = gv_dynamixel_encode(&read, packet);
-  for (int i = 0; i < GV_DOGLOVE_BYTES; i++)
-    blocks += push_block(&board, block[i]);
-  for (int i = 0; i < count; i++)
-    packets += push_packet(&line, packet[i]);
+  // Garbage that begins as a record does is waited for to its end; what lies in it is found then.
+  for (int i = 0; i < 2 * GV_DOGLOVE_BYTES; i++)
+    blocks += push_block(&board, block[i % GV_DOGLOVE_BYTES]);
+  for (int i = 0; i < GV_DYNAMIXEL_BYTES + count; i++)
+    packets += push_packet(&line, packet[i % count]);
   if (blocks < 1 || packets < 1)
     abort();
   return 0;
