@@ -29,7 +29,7 @@ def most(scene):
 
 def main():
     if os.path.basename(B) != "gcc-O2":
-        print("skip test_collision_bound: the table is of gcc -O2")
+        print("skip test_collision_bound: the table is of gcc -O2, and this build is another; make test without CC= and OPT= runs it")
         return
     scenes = subprocess.run([f"{B}/test/test_crowd", "--list"], capture_output=True, text=True, check=True).stdout.split()
     counted = {scene: most(scene) for scene in scenes}

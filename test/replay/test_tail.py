@@ -24,7 +24,7 @@ def row(trace):
 
 def main():
     if os.path.basename(B) != "gcc-O2":
-        print("skip test_tail: figures are of gcc -O2")
+        print("skip test_tail: the figures are of gcc -O2, and this build is another; make test without CC= and OPT= runs it")
         return
     rows, failed, update = [], False, "--update" in sys.argv
     for trace in traces():

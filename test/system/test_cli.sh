@@ -94,6 +94,26 @@ for tool in $(find "$here/tools" "$here/test" -type f -perm -u+x ! -name init ! 
 done
 "$gloved" --version | grep -qE '^gloved [0-9]+\.[0-9]+'; verdict version $?
 
+# tools/packages waits where another apt holds a lock, and says at once what else went wrong.
+mkdir -p "$tmp/bin"
+printf '#!/bin/sh\nexit 1\n' > "$tmp/bin/dpkg-query"
+printf '#!/bin/sh\n' > "$tmp/bin/sleep"
+printf '#!/bin/sh\nexec "$@"\n' > "$tmp/bin/sudo"
+cat > "$tmp/bin/apt-get" <<'END'
+#!/bin/sh
+echo call >> "$CALLS"
+[ "$(wc -l < "$CALLS")" -gt "$LOCKED" ] && exit "$THEN"
+echo 'E: Could not get lock /var/lib/apt/lists/lock. It is held by process 1 (apt-get)'
+exit 100
+END
+chmod +x "$tmp"/bin/*
+CALLS=$tmp/calls LOCKED=3 THEN=0 PATH=$tmp/bin:$PATH tools/packages no-such-package > "$tmp/out" 2>&1; code=$?
+[ $code -eq 0 ] && [ "$(wc -l < "$tmp/calls")" -eq 4 ] && grep -q 'waits for another apt' "$tmp/out"
+verdict packages_waits_for_another_apt $? "exit $code: $(cat "$tmp/out")"
+rm -f "$tmp/calls"
+CALLS=$tmp/calls LOCKED=0 THEN=100 PATH=$tmp/bin:$PATH tools/packages no-such-package > "$tmp/out" 2>&1; code=$?
+[ $code -eq 1 ] && [ "$(wc -l < "$tmp/calls")" -eq 2 ]; verdict packages_does_not_wait_for_what_never_comes $? "exit $code: $(cat "$tmp/out")"
+
 # gloved-command says what is wrong with which word, before it asks anybody.
 command_refused() { # NAME WORDS... (the last: what standard error must say)
   name=$1; shift

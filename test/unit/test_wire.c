@@ -390,7 +390,7 @@ static const char *write_file(const char *name, const char *text, size_t size) {
 // can-utils reads what we write: log2long prints stamp, interface, identifier, [length], bytes.
 static void test_can_utils_read_our_logs(void) {
   if (system("command -v log2long >/dev/null 2>&1")) {
-    SKIP("log2long of can-utils is not installed");
+    SKIP("log2long is not installed; apt-get install can-utils (make test does)");
     return;
   }
   enum { FRAMES = 500 };
@@ -808,7 +808,7 @@ static void test_udp_foreign_broken_and_lost(void) {
           (unsigned long long)a.stats(a.self).lost, t[i].lost);
   }
   if (stalled)
-    SKIP("this machine stood still for 0.2 s");
+    SKIP("this machine stood still for 0.2 s; run it again when less else runs here");
   nanosleep(&(struct timespec){.tv_nsec = 270000000}, NULL);
   send_seq(peer, 77);
   CHECK(poll_all(&a, f, 1) == 1 && (stalled || a.stats(a.self).lost == 89),
@@ -860,7 +860,7 @@ static void test_udp_restart_gap(void) {
     CHECK(stalled || lost == t[i].lost, "%zu: after %d: lost %u, not %u", i, t[i].seq, lost, t[i].lost);
   }
   if (stalled)
-    SKIP("this machine stood still for 0.2 s");
+    SKIP("this machine stood still for 0.2 s; run it again when less else runs here");
   close(peer);
   a.close(a.self);
 }
