@@ -188,7 +188,8 @@ static bool tell_hand(void *self, int64_t now_ns, char *out, size_t size) {
 
 // "hand:[WAY][?listen=PORT]" taken apart in place. Null, or what is wrong.
 static const char *parse_url(char *text, const char **out_way, unsigned *out_port) {
-  char *options = strchr(text, '?'), *end = NULL;
+  char *options = strchr(text, '?');
+  char *end = NULL;
   *out_port = GV_HAND_INPUT_PORT;
   if (options) {
     *options++ = '\0';

@@ -21,8 +21,8 @@ void gv_keep_standard_files(void) {
 
 // ---- a reader that does not read ----------------------------------------------------------------------
 
-// What blocks on a reader is opened anew through /proc, so that the flag is ours alone and not the shell's or the other
-// programs' that share the terminal. Nobody else writes to a socket that a service manager gave us.
+// What blocks on a reader is opened anew through /proc, so that the flag is ours alone and not the shell's or
+// the other programs' that share the terminal. Nobody else writes to a socket that a service manager gave us.
 static void unblock(int fd) {
   struct stat there;
   char name[32];

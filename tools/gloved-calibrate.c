@@ -91,7 +91,8 @@ static void take_samples(void) {
   }
 }
 
-// Nothing came in the last `idle` milliseconds in which this program ran: a machine that stands still is no silent glove.
+// Nothing came in the last `idle` milliseconds in which this program ran: a machine that
+// stands still is no silent glove.
 static bool silent(int idle_ms) { return idle_ms > SILENCE_S * 1000 || all.driver.ended(all.driver.self); }
 
 // ---- one posture ----------------------------------------------------------------------------------

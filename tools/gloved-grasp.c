@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// gloved-grasp: a grasp for any object. Tries candidates with the simulated user, keeps the one whose contacts resist the
-// most, and writes its script.
+// gloved-grasp: a grasp for any object. Tries candidates with the simulated user, keeps the one whose
+// contacts resist the most, and writes its script.
 #include <errno.h>
 #include <stdarg.h>
 #include <stdio.h>
@@ -129,7 +129,9 @@ static int choose_object(const gv_scene *scene, const options *o) {
 
 // Tries candidates until enough hold. Returns how many did.
 static int look_for(grasp_search *search, const options *o, found out[FOUND_MAX], int *out_tries) {
-  int count = 0, tries = 0, last = 0;
+  int count = 0;
+  int tries = 0;
+  int last = 0;
   for (int number = 0; number < FIT_TESTS_PER_TRY * o->tries && tries < o->tries && count < o->enough;
        number++) {
     if (count > 0 && tries - last >= PATIENCE)

@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // serialsim: a simulated FASTRAK, CyberGlove or LucidGlove behind a pseudo-terminal, in real time.
 //
-//   serialsim fastrak|cyberglove|lucidglove|doglove|doglove_servos [--script FILE] [--device best|real|NAME=VALUE]
-//             [--sensors 18|22] [--seed N] [--garbage P] [--gap P] [--noise P] [--reset S] [--unplug S]
+//   serialsim fastrak|cyberglove|lucidglove|doglove|doglove_servos [--script FILE]
+//             [--device best|real|NAME=VALUE] [--sensors 18|22] [--seed N] [--garbage P] [--gap P]
+//             [--noise P] [--reset S] [--unplug S]
 //             [--link PATH] [--config FILE] [--duration S]
 //
 // It prints the terminal's name (with --link a symbolic link of that name, which stays the same when the

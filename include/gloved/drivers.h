@@ -15,8 +15,8 @@ extern "C" {
 // Opens descriptors 0 to 2 onto /dev/null where the program was started without them, so that no device gets
 // the number that standard output is written to. First call in main.
 void gv_keep_standard_files(void);
-// While the loop runs: what a terminal, pipe or socket has no room for is lost, so that commands, states and the end
-// of the program never wait for a reader. Regular files are as they were.
+// While the loop runs: what a terminal, pipe or socket has no room for is lost, so that commands, states and
+// the end of the program never wait for a reader. Regular files are as they were.
 void gv_unblock_standard_files(void);
 // After it, for the summary: whoever reads within wait_ms gets all of it again.
 void gv_block_standard_files(int wait_ms);
@@ -153,12 +153,13 @@ int gv_cyberglove_open(const char *url, const gv_calibration *cal, gv_side side,
 int gv_lucidglove_open(const char *url, const gv_calibration *cal, gv_side side, gv_driver *out, char *err,
                        size_t err_size);
 
-// "serial:DEVICE?type=doglove&servos=DEVICE[&baud=921600&dead_man=DEVICE]": a DOGlove, its main board's line and that of its
-// servos (3 Mbit/s): GLOVE frames from both, no older than the older one; FORCE_COMMAND frames to five currents, which pull a
-// finger to where `cal` has the open hand and no further. dead_man: an input device (evdev: a foot pedal, a button) any key of
-// which is the switch while it is held; without one no force leaves. Zero currents follow from a command without ENABLE or one
-// that does not decode, at once; from 5 ms without a command or a poll; from closing, which also switches the torque off. After
-// SIGKILL the servos' Bus Watchdog stops them, 20 ms later. Cost: a poll 3 us, with a burst 10.
+// "serial:DEVICE?type=doglove&servos=DEVICE[&baud=921600&dead_man=DEVICE]": a DOGlove, its main board's line
+// and that of its servos (3 Mbit/s): GLOVE frames from both, no older than the older one; FORCE_COMMAND
+// frames to five currents, which pull a finger to where `cal` has the open hand and no further. dead_man: an
+// input device (evdev: a foot pedal, a button) any key of which is the switch while it is held; without one
+// no force leaves. Zero currents follow from a command without ENABLE or one that does not decode, at once;
+// from 5 ms without a command or a poll; from closing, which also switches the torque off. After SIGKILL the
+// servos' Bus Watchdog stops them, 20 ms later. Cost: a poll 3 us, with a burst 10.
 int gv_doglove_open(const char *url, const gv_calibration *cal, gv_side side, gv_driver *out, char *err,
                     size_t err_size);
 

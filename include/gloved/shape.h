@@ -53,11 +53,11 @@ static inline gv_shape gv_shape_hull(const gv_hull *hull) {
   return (gv_shape){GV_CORE_HULL, hull->radius, {0, 0, 0}, hull};
 }
 
-// Build the convex hull of `count` points into the arena: only points on the hull are kept, coplanar
-// facets merge into polygons. Corners of a long side that a file has rounded off its plane (by up to 4e-6 m) are moved
-// back into it. Set-up only: cost about vertices x faces. The order of the points is not kept.
-// Errors (negative): GV_HULL_FEW (under 4 points), GV_HULL_FLAT (no volume), GV_HULL_NOT_FINITE,
-// GV_HULL_VERTICES / GV_HULL_FACES / GV_HULL_POLYGON (over GV_MAX_...), GV_HULL_MEMORY (arena full).
+// Build the convex hull of `count` points into the arena: only points on the hull are kept, coplanar facets
+// merge into polygons. Corners of a long side that a file has rounded off its plane (by up to 4e-6 m) are
+// moved back into it. Set-up only: cost about vertices x faces. The order of the points is not kept. Errors
+// (negative): GV_HULL_FEW (under 4 points), GV_HULL_FLAT (no volume), GV_HULL_NOT_FINITE, GV_HULL_VERTICES /
+// GV_HULL_FACES / GV_HULL_POLYGON (over GV_MAX_...), GV_HULL_MEMORY (arena full).
 enum {
   GV_HULL_FEW = -1,
   GV_HULL_FLAT = -2,
@@ -71,10 +71,10 @@ enum {
 int gv_hull_build(gv_arena *arena, const gv_vec3 *points, int count, gv_hull *out_hull);
 
 // Pieces by name, metres, all sizes above 0. 0, or GV_HULL_NOT_FINITE, GV_HULL_FLAT, GV_HULL_MEMORY, or what
-// gv_hull_build says of sizes a thousand times apart. Ball and capsule are exact; of the others:
-// cylinder, cone   upright (along z) about `center`, the middle of their height, the cone's point up. Their circles are
-//                  polygons of GV_ROUND_SIDES sides, off by at most 0.06 % of the radius, as much outside as inside.
-// ellipsoid        of half axes along x, y, z: off by at most 0.3 % of the longest, less the nearer it is to a ball.
+// gv_hull_build says of sizes a thousand times apart. Ball and capsule are exact; of the others: cylinder,
+// cone upright (along z) about `center`, the middle of their height, the cone's point up. Their circles are
+// polygons of GV_ROUND_SIDES sides, off by at most 0.06 % of the radius, as much outside as inside. An
+// ellipsoid of half axes along x, y, z: off by at most 0.3 % of the longest, less the nearer it is to a ball.
 enum { GV_ROUND_SIDES = 64 };
 int gv_hull_ball(gv_arena *arena, gv_vec3 center, double radius, gv_hull *out_hull);
 int gv_hull_capsule(gv_arena *arena, gv_vec3 from, gv_vec3 to, double radius, gv_hull *out_hull);

@@ -43,8 +43,8 @@ static void add_polygons(gv_manifold *m, const gv_reference *r, const gv_face *r
     gv_manifold_add(m, r, now->p[k], gv_gap_over(reference, r->up, now->p[k]), face_b);
 }
 
-// A limb along a capsule: where the stretch that they share ends. Each gap is the distance of the two axes there, so
-// that of two that cross only the closest point counts.
+// A limb along a capsule: where the stretch that they share ends. Each gap is the distance of the two axes
+// there, so that of two that cross only the closest point counts.
 static void add_segments(gv_manifold *m, const gv_face *a, const gv_face *b) {
   const gv_vec3 along_b = gv_sub(b->p[1], b->p[0]);
   const double length = gv_norm(along_b);
@@ -183,7 +183,8 @@ static void keep_side_of_entry(const gv_cso *cso, const gv_pair *pair, gv_vec3 l
 
 int gv_manifold_pair(gv_narrow narrow, const gv_pair *pair, double margin, gv_pair_cache *cache,
                      gv_contact_point out[GV_MAX_PAIR_CONTACTS], gv_distance *out_distance) {
-  const gv_shape *a = pair->a, *b = pair->b;
+  const gv_shape *a = pair->a;
+  const gv_shape *b = pair->b;
   gv_cso cso;
   gv_distance d;
   gv_manifold m;

@@ -95,7 +95,8 @@ static bool still_beyond(const gv_pair *pair, double limit, gv_pair_cache *cache
   gv_vec3 n = cache->normal_world;
   if (cache->corners > 0 || cache->overlap || fabs(gv_norm2(n) - 1) > 1e-9)
     return false;
-  const gv_pose *A = pair->T_world_a, *B = pair->T_world_b;
+  const gv_pose *A = pair->T_world_a;
+  const gv_pose *B = pair->T_world_b;
   double high = gv_core_height(pair->b, gv_rotate_inv(B->q, n), &cache->vertex_b, io_operations);
   double low = gv_core_height(pair->a, gv_rotate_inv(A->q, gv_neg(n)), &cache->vertex_a, io_operations);
   return gv_dot(n, gv_sub(A->p, B->p)) - low - high > limit;
@@ -106,8 +107,8 @@ static gv_pose pose_in_b(const gv_pair *pair) {
   return (gv_pose){q, gv_transform_inv(*pair->T_world_b, pair->T_world_a->p)};
 }
 
-// Two segments (a limb and a capsule) have no volume to be deep in: libccd's triangles lose micrometres where they cross,
-// ours do not.
+// Two segments (a limb and a capsule) have no volume to be deep in: libccd's triangles lose
+// micrometres where they cross, ours do not.
 static const gv_phase *choose_phase(gv_narrow narrow, const gv_cso *cso) {
   const bool flat = cso->a.kind == GV_CORE_SEGMENT && cso->b.kind == GV_CORE_SEGMENT;
   return flat ? &gv_phase_core : phase_of[narrow];

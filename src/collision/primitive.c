@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// Pieces by name: ball, capsule, cylinder, cone, ellipsoid, as cores with a radius, and their mass properties by
-// formula. Ball and capsule are exact (a point and a segment with a sphere). A core is a polyhedron, since contacts are
-// made of its sides: cylinder and cone are prism and pyramid over a polygon of GV_ROUND_SIDES sides, half of it outside
-// of the circle and half inside. An ellipsoid is a polyhedron inside it, rounded by nearly the least radius of
-// curvature that it has: the rounder, the less is left to the polyhedron. Set-up only.
+// Pieces by name: ball, capsule, cylinder, cone, ellipsoid, as cores with a radius, and their mass
+// properties by formula. Ball and capsule are exact (a point and a segment with a sphere). A core is a
+// polyhedron, since contacts are made of its sides: cylinder and cone are prism and pyramid over a
+// polygon of GV_ROUND_SIDES sides, half of it outside of the circle and half inside. An ellipsoid is a
+// polyhedron inside it, rounded by nearly the least radius of curvature that it has: the rounder, the
+// less is left to the polyhedron. Set-up only.
 #include "gloved/shape.h"
 
 enum { ELLIPSOID_POINTS = 512 };
@@ -35,7 +36,9 @@ int gv_hull_ball(gv_arena *arena, gv_vec3 center, double radius, gv_hull *out_hu
 }
 
 int gv_hull_capsule(gv_arena *arena, gv_vec3 from, gv_vec3 to, double radius, gv_hull *out_hull) {
-  static const uint16_t none[1], neighbor_start[3] = {0, 1, 2}, neighbor[2] = {1, 0};
+  static const uint16_t none[1];
+  static const uint16_t neighbor_start[3] = {0, 1, 2};
+  static const uint16_t neighbor[2] = {1, 0};
   if (!gv_v3_finite(from) || !gv_v3_finite(to) || !isfinite(radius))
     return GV_HULL_NOT_FINITE;
   if (!(radius > 0) || !(gv_norm(gv_sub(to, from)) > 0))
@@ -98,7 +101,8 @@ static double ellipsoid_height(gv_vec3 half, gv_vec3 n) {
   return gv_norm(gv_v3(half.x * n.x, half.y * n.y, half.z * n.z));
 }
 
-// The points of the surface over a lattice of directions, each moved inwards by `depth` along the surface's normal.
+// The points of the surface over a lattice of directions, each moved inwards by
+// `depth` along the surface's normal.
 static void put_ellipsoid(gv_vec3 center, gv_vec3 half, double depth, gv_vec3 *out) {
   for (int i = 0; i < ELLIPSOID_POINTS; i++) {
     double z = 1 - (2 * i + 1) / (double)ELLIPSOID_POINTS, s, c;

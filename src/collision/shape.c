@@ -7,7 +7,8 @@
 // A vertex none of whose neighbours is higher is a highest one: the edges of a convex polyhedron span
 // its cone. Each move is strictly upwards, so no vertex comes twice and the loop ends.
 int gv_hull_support(const gv_hull *hull, gv_vec3 d, int start, int *io_operations) {
-  int here = start < hull->vertex_count ? start : 0, last = -1;
+  int here = start < hull->vertex_count ? start : 0;
+  int last = -1;
   double high = gv_dot(hull->vertex[here], d);
   while (here != last) {
     last = here;

@@ -177,7 +177,8 @@ static int open_recorder(program *p) {
   return gv_recorder_open(&p->recorder, p->options.record, p->settings.fcu, p->err, sizeof p->err);
 }
 
-// Nothing that is there is emptied before all else stands; the recording's words, which a full disk may refuse, come first.
+// Nothing that is there is emptied before all else stands; the recording's words, which a
+// full disk may refuse, come first.
 static int open_outputs(program *p) {
   if (open_recorder(p) || open_summary(p))
     return -1;

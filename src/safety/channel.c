@@ -13,8 +13,9 @@ static const gv_channel table[GV_CHANNELS] = {
   [GV_CHANNEL_SENSEGLOVE_R1] = {"SenseGlove R1", "mN", GV_CHANNEL_TENSION, 3.5, 0.8, 400.0, 3500, 4},
   [GV_CHANNEL_LUCIDGLOVE] = {"LucidGlove", "1/1000 of the brake", GV_CHANNEL_BRAKE, 12.0, 0.0, 400.0, 1000,
                              5},
-  // A servo turns the first joint, where the tendon's arm is 0.075 m (tendon.c): 0.7 A of an XL330-M288, half of its stall
-  // current, are 0.25 N m (e-Manual: 0.52 N m at 1.47 A), or 3.3 N. An XC330-M288 pulls half again as hard.
+  // A servo turns the first joint, where the tendon's arm is 0.075 m (tendon.c): 0.7 A of an
+  // XL330-M288, half of its stall current, are 0.25 N m (e-Manual: 0.52 N m at 1.47 A), or 3.3 N. An
+  // XC330-M288 pulls half again as hard.
   [GV_CHANNEL_DOGLOVE] = {"DOGlove", "mA", GV_CHANNEL_TENSION, 3.3, 0.0, 400.0, 700, 5},
 };
 

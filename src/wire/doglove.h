@@ -7,9 +7,10 @@
 // DOGlove-v3.xml: order of the joints along a finger and their axes).
 //
 //   bytes  0  AA 55 00 00      4  reference voltage, uint32, microvolts
-//          8  16 x int32: volts = value 5 / 0x7FFFFF, angle = volts / reference 360 degrees; thumb tip joint, middle joint,
-//             split, roll; index, middle, ring, little: tip joint, middle joint, split
-//         72  uint32: upper 16 bits the sum of the 17 words before it modulo 65536, lower 16 a time stamp in ms
+//          8  16 x int32: volts = value 5 / 0x7FFFFF, angle = volts / reference 360 degrees; thumb tip
+//             joint, middle joint, split, roll; index, middle, ring, little: tip joint, middle joint, split
+//         72  uint32: upper 16 bits the sum of the 17 words before it modulo 65536, lower 16 a time stamp
+//             in ms
 // All little-endian; sent without being asked.
 #ifndef WIRE_DOGLOVE_H
 #define WIRE_DOGLOVE_H

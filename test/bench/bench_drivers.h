@@ -10,8 +10,9 @@
 // palm (m); its height (m).
 enum { GV_BENCH_VALUES = 8 };
 
-// How far a step is from the laws of contact, of its worst contact or body: Signorini (the lesser of m/s and N),
-// Coulomb (N), maximum dissipation (W), momentum (N s). A peer that is asked for them gives them after each step's values.
+// How far a step is from the laws of contact, of its worst contact or body: Signorini (the lesser of
+// m/s and N), Coulomb (N), maximum dissipation (W), momentum (N s). A peer that is asked for them
+// gives them after each step's values.
 enum { GV_BENCH_LAWS = 4 };
 
 typedef struct gv_bench_header {

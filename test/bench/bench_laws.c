@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// How far each step of a recorded grasp is from the laws of contact, with one of the engine's solvers: the four residuals
-// of test/support/contact_laws.h, the worst contact or body of the step. The linker leads the solvers' answers through
-// here. test/bench/residuals.py asks it.
+// How far each step of a recorded grasp is from the laws of contact, with one of the engine's solvers: the
+// four residuals of test/support/contact_laws.h, the worst contact or body of the step. The linker leads the
+// solvers' answers through here. test/bench/residuals.py asks it.
 //
 //   bench_laws TRACE VARIANT     writes GV_BENCH_LAWS doubles for each step with contacts (bench_drivers.h)
 #include <stdio.h>

@@ -3,9 +3,11 @@
 // by the engine's own spring forces, against the same objects. test/bench/bench.py writes the model and
 // drives it as it drives bench_engine.
 //
-//   bench_mujoco MODEL.xml DRIVERS OBJECT [laws]    answers "FIRST COUNT" on standard input as bench_engine does;
-//                                                   laws: each record goes on with GV_BENCH_LAWS residuals
-//   bench_mujoco MODEL.xml DRIVERS OBJECT count FIRST COUNT     counts instructions as bench_engine does, under callgrind
+//   bench_mujoco MODEL.xml DRIVERS OBJECT [laws]    answers "FIRST COUNT" on standard input as bench_engine
+//                                                   does; laws: each record goes on with GV_BENCH_LAWS
+//                                                   residuals
+//   bench_mujoco MODEL.xml DRIVERS OBJECT count FIRST COUNT     counts instructions as bench_engine does,
+//                                                               under callgrind
 #include <math.h>
 #include <mujoco/mujoco.h>
 #include <stdio.h>
@@ -71,9 +73,9 @@ static void pull_limbs(mjData *d, const gv_bench_drivers *now) {
 }
 
 // ---- residuals of the step that was done ------------------------------------------------------------
-// Rows of a contact, in its frame: normal, two tangents. J v of the velocities after the step is the slip; MuJoCo's own
-// law of a row is 0 <= f | J a + R f - aref >= 0 (a: accelerations), which times h is the velocity by which a contact
-// separates beyond what its softness lets it.
+// Rows of a contact, in its frame: normal, two tangents. J v of the velocities after the step is the slip;
+// MuJoCo's own law of a row is 0 <= f | J a + R f - aref >= 0 (a: accelerations), which times h is the
+// velocity by which a contact separates beyond what its softness lets it.
 static double larger(double a, double b) { return b <= a ? a : b; }
 
 static void judge_contact(const mjModel *m, const mjData *d, int i, double laws[GV_BENCH_LAWS]) {

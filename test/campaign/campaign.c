@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// The campaign's worker (`make campaign`): draws grasps from seeds (draw.h), lets the simulated user do each once in
-// closed loop with the solver newton, then plays the frames that its device sent to the other solvers, and its
-// fingers' drivers to another engine where there is one (peer.h). In every step the laws of contact are judged on
-// the solver's answer (support/contact_laws.h), and the forces that leave on the limiter's promises. No clock.
+// The campaign's worker (`make campaign`): draws grasps from seeds (draw.h), lets the simulated user do
+// each once in closed loop with the solver newton, then plays the frames that its device sent to the
+// other solvers, and its fingers' drivers to another engine where there is one (peer.h). In every step
+// the laws of contact are judged on the solver's answer (support/contact_laws.h), and the forces that
+// leave on the limiter's promises. No clock.
 //
 //   campaign FAMILY FIRST COUNT [SOLVER...]   a line of CSV for each seed and solver, on standard output:
 //
@@ -92,8 +93,9 @@ gv_solver_report __real_gv_choice_solve(gv_choice *choice, gv_problem *problem, 
 gv_solver_report __wrap_gv_choice_solve(gv_choice *choice, gv_problem *problem, gv_velocity out_velocity[],
                                         gv_vec3 out_impulse[]);
 
-// The convex relaxation of Coulomb's law (Anitescu and Potra): the exact law with a target velocity that is mu times the
-// slip more. Its fixed point, by halves, until no target moves by more than a micrometre a second.
+// The convex relaxation of Coulomb's law (Anitescu and Potra): the exact law with a target
+// velocity that is mu times the slip more. Its fixed point, by halves, until no target moves by
+// more than a micrometre a second.
 static gv_solver_report solve_relaxed(gv_choice *choice, gv_problem *problem, gv_velocity v[], gv_vec3 x[]) {
   static double target[GV_MAX_CONTACTS];
   gv_solver_report report = {GV_SOLVER_AUTO, GV_OUTCOME_NONE};
@@ -140,7 +142,8 @@ static void judge_forces(const gv_session *session, double last_n[GV_FINGERS], d
   bool bad = false;
   *shut_s = lets ? 0.0 : *shut_s + session->cfg.period_s;
   for (int i = 0; i < GV_FINGERS; i++) {
-    const double force_n = session->force_n[i], rise_n = force_n - last_n[i];
+    const double force_n = session->force_n[i];
+    const double rise_n = force_n - last_n[i];
     bad = bad || !(isfinite(force_n) && force_n >= 0.0 && force_n <= limiter->max_n);
     bad = bad || !(rise_n <= limiter->slew_n_per_s * session->cfg.period_s + 1e-9);
     bad = bad || (!lets && rise_n > 1e-9) || (*shut_s > limiter->ramp_s + 1e-9 && force_n > 0.0);
@@ -174,8 +177,8 @@ static void watch_object(gv_pose palm, gv_pose object, double t, const drawn *d,
 
 // A contact's spring and damper stay when the step is shorter: k = erp / (h cfm), d = (1 - erp) / cfm.
 static void refine(gv_config *cfg, double factor) {
-  const double k = cfg->contact_erp / (cfg->step_s * cfg->contact_cfm),
-               d = (1.0 - cfg->contact_erp) / cfg->contact_cfm;
+  const double k = cfg->contact_erp / (cfg->step_s * cfg->contact_cfm);
+  const double d = (1.0 - cfg->contact_erp) / cfg->contact_cfm;
   cfg->step_s /= factor;
   cfg->contact_cfm = 1.0 / (d + k * cfg->step_s);
   cfg->contact_erp = k * cfg->step_s * cfg->contact_cfm;
@@ -234,7 +237,8 @@ static const gv_frame *take_frames(int step, bool live, int *out_count) {
 
 static void print_watch(const way *w, double t, gv_pose palm, gv_pose object) {
   const gv_vec3 in_palm = gv_transform_inv(palm, object.p);
-  double friction = 0.0, normal = 0.0;
+  double friction = 0.0;
+  double normal = 0.0;
   int count;
   const gv_contact *c = gv_engine_contacts(b.engine, &count);
   for (int i = 0; i < count; i++) {
@@ -250,11 +254,13 @@ static void print_watch(const way *w, double t, gv_pose palm, gv_pose object) {
 }
 
 static void run(const way *w, bool live) {
-  double last_n[GV_FINGERS] = {0}, shut_s = 0.0;
+  double last_n[GV_FINGERS] = {0};
+  double shut_s = 0.0;
   bool taken = false;
   const int parts = w->fine ? FINE : 1;
   const int64_t period_ns = 1000000 / parts;
-  const double end_s = b.script.end_s, start_z = b.scene.object[OBJECT].T_world_body.p.z;
+  const double end_s = b.script.end_s;
+  const double start_z = b.scene.object[OBJECT].T_world_body.p.z;
   const int steps = live ? (int)(end_s * 1e3) : recorded;
   if (steps > STEPS_MAX)
     fail(b.d.script, "longer than fits");
@@ -305,8 +311,8 @@ static void print_head(void) {
 static void print_row(const way *w) {
   const drawn *d = &b.d;
   const bool held = got.lift_m > 0.5 * d->lift_m;
-  const gv_vec3 first = gv_scale(got.first, 1.0 / got.first_count),
-                last = gv_scale(got.last, 1.0 / got.last_count);
+  const gv_vec3 first = gv_scale(got.first, 1.0 / got.first_count);
+  const gv_vec3 last = gv_scale(got.last, 1.0 / got.last_count);
   printf("%s,%llu,%s,%s,%.2f,%.4f,%.4f,%.4f,%s,%s,%.2f,%.2f,%.2f,%.4f,%.3f,%.2f,%.2f,%.3f,%.3f,%s,%.1f,",
          d->family, d->seed, w->name, held ? "held" : "dropped", got.lift_m * 1e3,
          gv_norm(gv_sub(last, first)) * 1e3, got.apart_max_m * 1e3, got.depth_m * 1e3, d->script, d->shape,
@@ -368,7 +374,8 @@ static void compare(int count, char **names) {
 int main(int argc, char **argv) {
   if (argc < 4)
     fail("usage", "campaign FAMILY FIRST COUNT [SOLVER...]");
-  const unsigned long long first = strtoull(argv[2], NULL, 10), count = strtoull(argv[3], NULL, 10);
+  const unsigned long long first = strtoull(argv[2], NULL, 10);
+  const unsigned long long count = strtoull(argv[3], NULL, 10);
   gv_settings_default(&b.settings);
   print_head();
   for (unsigned long long seed = first; seed < first + count; seed++) {

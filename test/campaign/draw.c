@@ -31,8 +31,9 @@ static double uniform_log(unsigned long long *random, double lo, double hi) {
 
 // Any direction, any length up to `most`.
 static gv_vec3 draw_off(unsigned long long *random, double most) {
-  const double z = uniform(random, -1.0, 1.0), turn = uniform(random, 0.0, 2.0 * GV_PI),
-               r = sqrt(1.0 - z * z);
+  const double z = uniform(random, -1.0, 1.0);
+  const double turn = uniform(random, 0.0, 2.0 * GV_PI);
+  const double r = sqrt(1.0 - z * z);
   return gv_scale(gv_v3(r * cos(turn), r * sin(turn), z), uniform(random, 0.0, most));
 }
 
@@ -156,7 +157,8 @@ static bool is_same_posture(const gv_sim_keyframe *a, const gv_sim_keyframe *b) 
   return memcmp(a->angle_rad, b->angle_rad, sizeof a->angle_rad) == 0;
 }
 
-// Of all scripts here: ..., posture shape, posture grip (the same from then on), wrist up, dead-man switch off.
+// Of all scripts here: ..., posture shape, posture grip (the same from then on),
+// wrist up, dead-man switch off.
 static int find_parts(gv_sim_script *s, int *out_shape, drawn *d) {
   int grip = s->keyframe_count - 2, up;
   if (grip < 2)
@@ -174,7 +176,8 @@ static int find_parts(gv_sim_script *s, int *out_shape, drawn *d) {
   return 0;
 }
 
-// arrived: the hand is where it grasps. Before, it is level and 30 mm higher: no finger starts inside the table.
+// arrived: the hand is where it grasps. Before, it is level and 30 mm higher: no
+// finger starts inside the table.
 static void change_keyframe(gv_sim_keyframe *key, const gv_sim_keyframe *shape, bool arrived,
                             const drawn *d) {
   const gv_vec3 off = gv_add(gv_add(d->off_m, fit_to_size(d)), gv_v3(0, 0, arrived ? 0.0 : 0.03));

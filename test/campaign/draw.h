@@ -2,11 +2,11 @@
 // One random grasp out of a seed: an object on the table, and what the simulated user does with it. The same
 // seed and family give the same grasp. Families:
 //
-//   boxes   boxes of 45 to 120 mm, 0.03 to 1 kg, mu 0.4 to 1.2; power grasp, pinch or tripod, the wrist off by up
-//           to 12 mm and 12 degrees; the perfect device
-//   any     boxes, balls and the compiled shapes, likewise, but 0.01 to 2 kg and mu 0.2 to 1.4; the fingers close
-//           less or farther than the script says, faster or slower; a third of the users has a real device, a
-//           third sways and trembles
+//   boxes   boxes of 45 to 120 mm, 0.03 to 1 kg, mu 0.4 to 1.2; power grasp, pinch or tripod, the wrist off
+//           by up to 12 mm and 12 degrees; the perfect device
+//   any     boxes, balls and the compiled shapes, likewise, but 0.01 to 2 kg and mu 0.2 to 1.4; the fingers
+//           close less or farther than the script says, faster or slower; a third of the users has a real
+//           device, a third sways and trembles
 #ifndef CAMPAIGN_DRAW_H
 #define CAMPAIGN_DRAW_H
 

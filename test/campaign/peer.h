@@ -10,7 +10,8 @@ typedef struct peer peer;
 
 // "mujoco", or null where none is built in.
 const char *peer_name(void);
-// The scene of `e` at its start, with the step of `e`; null with one line in err. refined: as exact as it goes.
+// The scene of `e` at its start, with the step of `e`; null with one line in err.
+// refined: as exact as it goes.
 peer *peer_open(const gv_engine *e, bool refined, char *err, size_t err_size);
 // One step, limbs drawn by the springs to the drivers of `e`; nothing before its hand is placed.
 void peer_step(peer *p, const gv_engine *e);

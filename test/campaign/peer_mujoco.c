@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// MuJoCo as the other engine (peer.h): sixteen free bodies of the engine's augmented mass, pulled by the engine's
-// own spring forces, against the same objects, as in test/bench/bench_mujoco.c. Elliptic cones, impratio 10, noslip
-// 3, solref .002: the settings at which MuJoCo slips least. Refined: impratio 100, twenty rounds without slip, and
-// solref as short as the step allows.
+// MuJoCo as the other engine (peer.h): sixteen free bodies of the engine's augmented mass, pulled by the
+// engine's own spring forces, against the same objects, as in test/bench/bench_mujoco.c. Elliptic cones,
+// impratio 10, noslip 3, solref .002: the settings at which MuJoCo slips least. Refined: impratio 100,
+// twenty rounds without slip, and solref as short as the step allows.
 #include "campaign/peer.h"
 
 #include <mujoco/mujoco.h>
@@ -29,7 +29,8 @@ static void write_friction(FILE *f, const gv_engine *e) {
 
 static double along(gv_vec3 v, int axis) { return axis == 0 ? v.x : axis == 1 ? v.y : v.z; }
 
-// The palm is a box rounded by r: three boxes, each thicker along one axis, and a capsule along each of its edges.
+// The palm is a box rounded by r: three boxes, each thicker along one axis, and a
+// capsule along each of its edges.
 static void write_palm(FILE *f, const gv_engine *e, gv_vec3 half, double r) {
   for (int axis = 0; axis < 3; axis++) {
     const double more[3] = {axis == 0 ? r : 0.0, axis == 1 ? r : 0.0, axis == 2 ? r : 0.0};
@@ -54,7 +55,8 @@ static void write_palm(FILE *f, const gv_engine *e, gv_vec3 half, double r) {
 static void write_limb(FILE *f, const gv_engine *e, int i) {
   const gv_spring *s = &e->spring[i];
   const gv_shape *shape = &e->broad.limb_shape[i];
-  const double inertia = e->limb_inertia[i] + s->added_inertia, mass = s->mass_kg + s->added_mass_kg;
+  const double inertia = e->limb_inertia[i] + s->added_inertia;
+  const double mass = s->mass_kg + s->added_mass_kg;
   fprintf(f,
           "<body name='limb%d' pos='0 0 %d'><freejoint/><inertial pos='0 0 0' mass='%.17g' "
           "diaginertia='%.17g %.17g %.17g'/>",
@@ -72,14 +74,16 @@ static bool is_box(const gv_hull *hull) {
   const gv_vec3 most = hull->aabb_max;
   bool box = hull->vertex_count == 8 && gv_norm(gv_add(hull->aabb_min, most)) < 1e-12;
   for (int i = 0; i < hull->vertex_count; i++) {
-    const gv_vec3 p = hull->vertex[i], corner = gv_v3(fabs(p.x), fabs(p.y), fabs(p.z));
+    const gv_vec3 p = hull->vertex[i];
+    const gv_vec3 corner = gv_v3(fabs(p.x), fabs(p.y), fabs(p.z));
     box = box && gv_norm(gv_sub(corner, most)) < 1e-12;
   }
   return box;
 }
 
 static void write_piece(FILE *f, const gv_hull *hull, const char *object, int piece, double mu) {
-  const gv_vec3 c = hull->center, most = hull->aabb_max;
+  const gv_vec3 c = hull->center;
+  const gv_vec3 most = hull->aabb_max;
   if (hull->vertex_count == 1)
     fprintf(f, "<geom type='sphere' size='%.17g' pos='%.17g %.17g %.17g' ", hull->radius, c.x, c.y, c.z);
   else if (is_box(hull))

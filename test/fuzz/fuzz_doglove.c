@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// Fuzz entry (libFuzzer, `make fuzz`): any bytes as those of a DOGlove's board, of its servos, and as instructions to the simulated
-// servos. What is accepted must be sound, and a whole record behind the bytes must come out, whatever they were.
+// Fuzz entry (libFuzzer, `make fuzz`): any bytes as those of a DOGlove's board, of its servos, and as
+// instructions to the simulated servos. What is accepted must be sound, and a whole record behind the
+// bytes must come out, whatever they were.
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>

@@ -1,11 +1,12 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// Coulomb's law in every step of every recorded grasp, by every solver: no pull, friction in the round cone of the same
-// step's normal force, against the slip where it slides and without slip where it holds, momentum kept. Newton's is
-// exact, over both narrow phases, and nothing weaker than that in any of them (a softened step, friction bounded by the
-// forces of the moment before, a step left to another solver). ODE's solvers have their exceptions in a table: dantzig
-// keeps the cone but in the steps that it counts as lagged, and its friction may point away from the slip; quickstep has
-// a pyramid over an earlier iterate's normal forces, and stops before it is exact. Pull and momentum are for all.
-// The linker leads the solvers' answers through here.
+// Coulomb's law in every step of every recorded grasp, by every solver: no pull, friction in the round
+// cone of the same step's normal force, against the slip where it slides and without slip where it
+// holds, momentum kept. Newton's is exact, over both narrow phases, and nothing weaker than that in any
+// of them (a softened step, friction bounded by the forces of the moment before, a step left to another
+// solver). ODE's solvers have their exceptions in a table: dantzig keeps the cone but in the steps that
+// it counts as lagged, and its friction may point away from the slip; quickstep has a pyramid over an
+// earlier iterate's normal forces, and stops before it is exact. Pull and momentum are for all. The
+// linker leads the solvers' answers through here.
 #include <dirent.h>
 #include <string.h>
 #include <unistd.h>
@@ -15,7 +16,8 @@
 #include "support/check.h"
 #include "support/contact_laws.h"
 
-// What a variant's answers may miss the law by: in steps that it calls solved, and how often there are others.
+// What a variant's answers may miss the law by: in steps that it calls solved, and
+// how often there are others.
 typedef struct exceptions {
   variant of;
   gv_solver solver;      // that does the steps
@@ -68,7 +70,8 @@ static void print_figures(const char *name) {
          100.0 * (double)by_others / (double)steps);
 }
 
-// The limits of an earlier moment, and what is weaker than asked, are counted by name, where everybody sees them.
+// The limits of an earlier moment, and what is weaker than asked, are counted by
+// name, where everybody sees them.
 static void check_counters(const gv_counters *c) {
   const uint64_t counted = may->solver == GV_SOLVER_NEWTON ? c->newton_softened : c->dantzig_lagged;
   CHECK((long)counted == weaker, "%" PRIu64 " counted, %ld seen", counted, weaker);
@@ -78,7 +81,8 @@ static void check_counters(const gv_counters *c) {
 }
 
 static void test_coulombs_law_in_every_step(void) {
-  const char *name = expected.name, *solver = variant_name[may->of];
+  const char *name = expected.name;
+  const char *solver = variant_name[may->of];
   const contact_laws *w = &worst;
   steps = by_others = weaker = 0;
   worst = unsolved = (contact_laws){0};

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// Every compiled scene (make scenes) in the simulated user's hand: grasped, lifted 0.15 m, and held without
-// slipping, without clock or descriptor. What the mesh compiler makes is worth what a hand can do with it. Coulomb's law
-// is judged in every step, on the way there too: the linker leads the solvers' answers through here.
+// Every compiled scene (make scenes) in the simulated user's hand: grasped, lifted 0.15 m, and
+// held without slipping, without clock or descriptor. What the mesh compiler makes is worth what a
+// hand can do with it. Coulomb's law is judged in every step, on the way there too: the linker
+// leads the solvers' answers through here.
 #include <string.h>
 #include <unistd.h>
 
@@ -53,7 +54,8 @@ static void check_laws(const char *scene) {
          by_others);
   CHECK(w->pull_n < 1e-6 && w->closing_m_s < 1e-6, "%s: pulls %g N, closes at %g m/s", scene, w->pull_n,
         w->closing_m_s);
-  // Many pieces that lie flat on the table share their friction in many ways: a few steps on the way to the grasp.
+  // Many pieces that lie flat on the table share their friction in many ways: a few
+  // steps on the way to the grasp.
   CHECK(by_others <= steps / 50 && softened <= steps / 25, "%s: %ld left to ODE, %ld softened", scene,
         by_others, softened);
   CHECK(w->outside_n < 1e-4, "%s: friction %g N beyond the cone", scene, w->outside_n);

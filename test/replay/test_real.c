@@ -100,7 +100,8 @@ static gv_pose object_in_palm(const gv_engine *engine, int object) {
                      gv_engine_object_pose(engine, object));
 }
 
-// The object's point where the hand holds it, in its own frame: of its contacts with the hand, weighed by force.
+// The object's point where the hand holds it, in its own frame: of its contacts with
+// the hand, weighed by force.
 static gv_vec3 find_grip(const gv_engine *engine, int object) {
   gv_vec3 sum = {0, 0, 0};
   double forces = 0.0;
@@ -152,7 +153,8 @@ static bool run(const grasp *g, const gv_sim_device *device, uint64_t seed, meas
   const int64_t held_to_ns = (int64_t)(1e9 * (script.end_s - 0.7));
   const int64_t held_from_ns = held_to_ns - 9000000000;
   const int second = (int)(1.0 / settings.engine.step_s + 0.5);
-  place first = {0}, last = {0};
+  place first = {0};
+  place last = {0};
   felt forces = {0};
   gv_vec3 grip = {0, 0, 0};
   int held = 0;
@@ -222,7 +224,8 @@ static void test_real_device_holds_and_is_quiet(void) {
          current->script, t.held, SEEDS, t.slip_m * 1e3, t.turn_rad * deg, t.way_m * 1e3, t.felt_std_n);
   CHECK(t.held == SEEDS, "%s: dropped on %d seeds", current->script, SEEDS - t.held);
   const bool swings = strcmp(current->script, "finger_frame") == 0;
-  // A frame that swings by 7 mm about the finger creeps there, and ends turned: it had not come to rest at the start.
+  // A frame that swings by 7 mm about the finger creeps there, and ends turned: it had
+  // not come to rest at the start.
   CHECK(t.slip_m < (swings ? 0.5e-3 : 0.3e-3), "%s: slips %g mm", current->script, t.slip_m * 1e3);
   CHECK(t.turn_rad * deg < (swings ? 5.0 : 0.5), "%s: turns by %g degrees", current->script,
         t.turn_rad * deg);

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// The laws of contact and friction, checked on an answer to a contact problem, whoever gave it: from the velocities of the
-// bodies and the impulses alone, in newtons and metres a second. The four residuals of "Contact Models in Robotics: a
-// Comparative Analysis" (Le Lidec et al. 2023) are closing_m_s (Signorini), coulomb_n, dissipation_w and momentum_n_s.
+// The laws of contact and friction, checked on an answer to a contact problem, whoever gave it: from the
+// velocities of the bodies and the impulses alone, in newtons and metres a second. The four residuals of
+// "Contact Models in Robotics: a Comparative Analysis" (Le Lidec et al. 2023) are closing_m_s (Signorini),
+// coulomb_n, dissipation_w and momentum_n_s.
 #ifndef TEST_SUPPORT_CONTACT_LAWS_H
 #define TEST_SUPPORT_CONTACT_LAWS_H
 
@@ -30,7 +31,8 @@ static inline gv_velocity velocity_after(const gv_problem *q, int body, const gv
 // Of a over b.
 static inline gv_vec3 contact_velocity(const gv_problem *q, const gv_problem_contact *c,
                                        const gv_velocity v[]) {
-  const gv_velocity a = velocity_after(q, c->body_a, v), b = velocity_after(q, c->body_b, v);
+  const gv_velocity a = velocity_after(q, c->body_a, v);
+  const gv_velocity b = velocity_after(q, c->body_b, v);
   const gv_vec3 of_a = gv_add(a.v, gv_cross(a.w, gv_sub(c->point, q->body[c->body_a].p)));
   const gv_vec3 of_b = gv_add(b.v, gv_cross(b.w, gv_sub(c->point, q->body[c->body_b].p)));
   return gv_sub(of_a, of_b);
@@ -48,11 +50,16 @@ static inline void count_outside(double f_t, double f_n, double bound, contact_l
 
 static inline void judge_contact(const gv_problem *q, const gv_problem_contact *c, const gv_velocity v[],
                                  gv_vec3 x, contact_laws *worst) {
-  const double h = q->step_s, x_n = gv_dot(x, c->frame[0]), f_n = x_n / h;
-  const gv_vec3 u = contact_velocity(q, c, v), x_t = gv_mad(x, -x_n, c->frame[0]);
+  const double h = q->step_s;
+  const double x_n = gv_dot(x, c->frame[0]);
+  const double f_n = x_n / h;
+  const gv_vec3 u = contact_velocity(q, c, v);
+  const gv_vec3 x_t = gv_mad(x, -x_n, c->frame[0]);
   const gv_vec3 u_t = gv_mad(u, -gv_dot(u, c->frame[0]), c->frame[0]);
   const double w_n = gv_dot(u, c->frame[0]) - c->target_velocity + c->normal_compliance * x_n;
-  const double f_t = gv_norm(x_t) / h, slip = gv_norm(u_t), bound = c->mu * fmax(0.0, f_n);
+  const double f_t = gv_norm(x_t) / h;
+  const double slip = gv_norm(u_t);
+  const double bound = c->mu * fmax(0.0, f_n);
   worst->pull_n = larger(worst->pull_n, -f_n);
   worst->closing_m_s = larger(worst->closing_m_s, fabs(fmin(w_n, f_n)));
   worst->coulomb_n = larger(worst->coulomb_n, f_t - bound);
@@ -70,7 +77,8 @@ static inline void judge_contact(const gv_problem *q, const gv_problem_contact *
 static inline void judge_momentum(const gv_problem *q, int body, const gv_velocity v[], const gv_vec3 x[],
                                   contact_laws *worst) {
   const gv_problem_body *b = &q->body[body];
-  gv_vec3 linear = gv_v3(0, 0, 0), angular = gv_v3(0, 0, 0);
+  gv_vec3 linear = gv_v3(0, 0, 0);
+  gv_vec3 angular = gv_v3(0, 0, 0);
   bool touched = false;
   for (int i = 0; i < q->contact_count; i++) {
     const gv_problem_contact *c = &q->contact[i];
@@ -83,13 +91,14 @@ static inline void judge_momentum(const gv_problem *q, int body, const gv_veloci
   }
   if (!touched || !(b->mass > 0.0))
     return;
-  const gv_vec3 dp = gv_scale(gv_sub(v[body].v, b->v), b->mass),
-                dL = gv_mat3_mul(&b->inertia, gv_sub(v[body].w, b->w));
+  const gv_vec3 dp = gv_scale(gv_sub(v[body].v, b->v), b->mass);
+  const gv_vec3 dL = gv_mat3_mul(&b->inertia, gv_sub(v[body].w, b->w));
   worst->momentum_n_s = larger(worst->momentum_n_s,
                                gv_norm(gv_sub(dp, linear)) + 10.0 * gv_norm(gv_sub(dL, angular)));
 }
 
-// Adds what this answer does worst. v: of the bodies after the step; x: impulse on body a of each contact, N s, world.
+// Adds what this answer does worst. v: of the bodies after the step; x: impulse on body
+// a of each contact, N s, world.
 static inline void contact_laws_judge(const gv_problem *q, const gv_velocity v[], const gv_vec3 x[],
                                       contact_laws *worst) {
   for (int i = 0; i < q->contact_count; i++)

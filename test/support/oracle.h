@@ -42,7 +42,8 @@ static inline void body_link_edges(body *o) {
     for (int f = 0; f < s->faces && found < 2; f++) {
       int sides = s->start[f + 1] - s->start[f];
       for (int k = 0; k < sides && found < 2; k++) {
-        int i = s->corner[s->start[f] + k], j = s->corner[s->start[f] + (k + 1) % sides];
+        int i = s->corner[s->start[f] + k];
+        int j = s->corner[s->start[f] + (k + 1) % sides];
         bool same = (i == s->edge[e][0] && j == s->edge[e][1]) || (i == s->edge[e][1] && j == s->edge[e][0]);
         if (same)
           o->edge_face[e][found++] = f;
@@ -54,7 +55,10 @@ static inline void body_link_edges(body *o) {
 static inline void body_pick_witnesses(body *o) {
   o->witnesses = o->s.vertices < WITNESSES ? o->s.vertices : WITNESSES;
   for (int k = 0; k < o->witnesses; k++) {
-    double z = 1 - (2 * k + 1) / (double)o->witnesses, s, c, high = -HUGE_VAL;
+    double z = 1 - (2 * k + 1) / (double)o->witnesses;
+    double s;
+    double c;
+    double high = -HUGE_VAL;
     gv_sincos(k * 2.399963229728653, &s, &c);
     gv_vec3 d = gv_v3(c * sqrt(1 - z * z), s * sqrt(1 - z * z), z);
     o->witness[k] = k;
@@ -167,7 +171,8 @@ static inline void hunt_faces(hunt *t, body *mine, const body *other, double sig
 static inline void find_open_edges(const hunt *t, body *mine, const body *other) {
   mine->near_edges = 0;
   for (int e = 0; e < mine->s.edges; e++) {
-    int f = mine->edge_face[e][0], g = mine->edge_face[e][1];
+    int f = mine->edge_face[e][0];
+    int g = mine->edge_face[e][1];
     double least = -HUGE_VAL;
     for (int k = 0; f >= 0 && k < other->witnesses && least <= t->reach; k++)
       least = fmax(least, fmin(mine->high[f] - mine->seen[f][k], mine->high[g] - mine->seen[g][k]));
@@ -180,11 +185,13 @@ static inline gv_vec3 edge_along(const body *o, int e) {
   return gv_sub(o->s.v[o->s.edge[e][1]], o->s.v[o->s.edge[e][0]]);
 }
 
-// Do the normals of edge e reach both sides of the plane at right angles to `across`? (Rounding counts as yes.)
+// Do the normals of edge e reach both sides of the plane at right angles to
+// `across`? (Rounding counts as yes.)
 static inline bool arc_crosses(const body *o, int e, gv_vec3 across) {
   if (o->edge_face[e][0] < 0)
     return true;
-  double p = gv_dot(o->s.n[o->edge_face[e][0]], across), q = gv_dot(o->s.n[o->edge_face[e][1]], across);
+  double p = gv_dot(o->s.n[o->edge_face[e][0]], across);
+  double q = gv_dot(o->s.n[o->edge_face[e][1]], across);
   double slack = 1e-9 * gv_norm(across);
   return !(p > slack && q > slack) && !(p < -slack && q < -slack);
 }
@@ -196,7 +203,8 @@ static inline bool is_on_arc_side(const body *o, int e, gv_vec3 n) {
 }
 
 static inline void hunt_edges(hunt *t, int i, int k) {
-  gv_vec3 e = edge_along(t->a, i), f = edge_along(t->b, k);
+  gv_vec3 e = edge_along(t->a, i);
+  gv_vec3 f = edge_along(t->b, k);
   if (!arc_crosses(t->a, i, f) || !arc_crosses(t->b, k, e))
     return;
   gv_vec3 n = gv_cross(e, f);
@@ -213,8 +221,8 @@ static inline void hunt_edges(hunt *t, int i, int k) {
   }
 }
 
-// Least h over all directions, where some direction is known to have `at_most`: minus the depth. `second` is the
-// least at another direction, where it is within a micrometre and a bit of the depth.
+// Least h over all directions, where some direction is known to have `at_most`: minus the depth. `second` is
+// the least at another direction, where it is within a micrometre and a bit of the depth.
 static inline oracle oracle_overlap_within(body *a, body *b, double at_most) {
   hunt t = {a, b, fmax(at_most, 0) + 1.2e-6, {-HUGE_VAL, {0, 0, 0}, HUGE_VAL}};
   hunt_faces(&t, b, a, 1);

@@ -28,7 +28,9 @@ typedef struct oracle {
 static unsigned long long polyhedra_seed = 88172645463325252ULL;
 static inline double draw(double lo, double hi) { return check_uniform(&polyhedra_seed, lo, hi); }
 static inline gv_vec3 draw_vector(double reach) {  // in order, so that every compiler draws the same poses
-  double x = draw(-reach, reach), y = draw(-reach, reach), z = draw(-reach, reach);
+  double x = draw(-reach, reach);
+  double y = draw(-reach, reach);
+  double z = draw(-reach, reach);
   return gv_v3(x, y, z);
 }
 static inline gv_vec3 draw_unit(void) {
@@ -72,7 +74,8 @@ static inline void solid_from_hull(const gv_hull *h, solid *s) {
     s->n[f] = h->face_normal[f];
     int sides = h->face_start[f + 1] - h->face_start[f];
     for (int k = 0; k < sides; k++) {
-      int i = h->face_vertex[h->face_start[f] + k], j = h->face_vertex[h->face_start[f] + (k + 1) % sides];
+      int i = h->face_vertex[h->face_start[f] + k];
+      int j = h->face_vertex[h->face_start[f] + (k + 1) % sides];
       s->corner[h->face_start[f] + k] = i;
       if (i < j)
         s->edge[s->edges][0] = i, s->edge[s->edges++][1] = j;
@@ -101,7 +104,8 @@ static inline void solid_of(const gv_shape *shape, const gv_pose *T, solid *s) {
 
 // h_{B-A}(n) = max b.n - min a.n: how deep A and B overlap along n (Eqn 8).
 static inline double overlap_along(const solid *a, const solid *b, gv_vec3 n) {
-  double high = -HUGE_VAL, low = HUGE_VAL;
+  double high = -HUGE_VAL;
+  double low = HUGE_VAL;
   for (int i = 0; i < b->vertices; i++)
     high = fmax(high, gv_dot(b->v[i], n));
   for (int i = 0; i < a->vertices; i++)
@@ -134,8 +138,8 @@ static inline oracle oracle_overlap(const solid *a, const solid *b) {
     oracle_try(&o, a, b, gv_neg(a->n[f]));
   for (int i = 0; i < a->edges; i++) {
     for (int k = 0; k < b->edges; k++) {
-      gv_vec3 e = gv_sub(a->v[a->edge[i][1]], a->v[a->edge[i][0]]),
-              f = gv_sub(b->v[b->edge[k][1]], b->v[b->edge[k][0]]);
+      gv_vec3 e = gv_sub(a->v[a->edge[i][1]], a->v[a->edge[i][0]]);
+      gv_vec3 f = gv_sub(b->v[b->edge[k][1]], b->v[b->edge[k][0]]);
       gv_vec3 n = gv_cross(e, f);
       if (gv_norm(n) <= 1e-7 * gv_norm(e) * gv_norm(f))
         continue;
@@ -168,7 +172,8 @@ static inline void oracle_vertex_face(oracle *o, const solid *s, int f, gv_vec3 
   gv_vec3 foot = gv_mad(p, -height, s->n[f]);
   int sides = s->start[f + 1] - s->start[f];
   for (int k = 0; k < sides; k++) {
-    gv_vec3 c = s->v[s->corner[s->start[f] + k]], d = s->v[s->corner[s->start[f] + (k + 1) % sides]];
+    gv_vec3 c = s->v[s->corner[s->start[f] + k]];
+    gv_vec3 d = s->v[s->corner[s->start[f] + (k + 1) % sides]];
     if (gv_dot(gv_cross(gv_sub(d, c), gv_sub(foot, c)), s->n[f]) < 0)
       return;
   }
@@ -177,17 +182,23 @@ static inline void oracle_vertex_face(oracle *o, const solid *s, int f, gv_vec3 
 }
 
 static inline void oracle_edges(oracle *o, const solid *a, int i, const solid *b, int k) {
-  gv_vec3 p = a->v[a->edge[i][0]], p2 = a->v[a->edge[i][1]], q = b->v[b->edge[k][0]],
-          q2 = b->v[b->edge[k][1]];
+  gv_vec3 p = a->v[a->edge[i][0]];
+  gv_vec3 p2 = a->v[a->edge[i][1]];
+  gv_vec3 q = b->v[b->edge[k][0]];
+  gv_vec3 q2 = b->v[b->edge[k][1]];
   oracle_nearer(o, gv_sub(p, nearest_on_edge(p, q, q2)));
   oracle_nearer(o, gv_sub(p2, nearest_on_edge(p2, q, q2)));
   oracle_nearer(o, gv_sub(nearest_on_edge(q, p, p2), q));
   oracle_nearer(o, gv_sub(nearest_on_edge(q2, p, p2), q2));
-  gv_vec3 e = gv_sub(p2, p), f = gv_sub(q2, q), r = gv_sub(p, q), n = gv_cross(e, f);
+  gv_vec3 e = gv_sub(p2, p);
+  gv_vec3 f = gv_sub(q2, q);
+  gv_vec3 r = gv_sub(p, q);
+  gv_vec3 n = gv_cross(e, f);
   double n2 = gv_norm2(n);
   if (n2 <= 1e-20 * gv_norm2(e) * gv_norm2(f))
     return;  // parallel: the ends have it
-  double t = gv_dot(gv_cross(f, r), n) / n2, u = gv_dot(gv_cross(e, r), n) / n2;
+  double t = gv_dot(gv_cross(f, r), n) / n2;
+  double u = gv_dot(gv_cross(e, r), n) / n2;
   if (t < 0 || t > 1 || u < 0 || u > 1)
     return;
   oracle_nearer(o, gv_sub(gv_mad(p, t, e), gv_mad(q, u, f)));

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// The objects that `make scenes` compiles into build/scenes, each with the script of data/scripts that grasps it.
+// The objects that `make scenes` compiles into build/scenes, each with the script of
+// data/scripts that grasps it.
 #ifndef TEST_SUPPORT_SHAPES_H
 #define TEST_SUPPORT_SHAPES_H
 

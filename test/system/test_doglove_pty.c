@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// The driver of the DOGlove as it runs: opened by its URL on two real pseudo-terminals, at whose other ends the simulated board
-// and the simulated servos answer. Angles come out as they were measured, currents arrive as the limiter's tensions say, the
-// switch is somebody's foot, and whatever happens to the engine or to a line, the currents go to zero.
+// The driver of the DOGlove as it runs: opened by its URL on two real pseudo-terminals, at whose other ends
+// the simulated board and the simulated servos answer. Angles come out as they were measured, currents
+// arrive as the limiter's tensions say, the switch is somebody's foot, and whatever happens to the engine
+// or to a line, the currents go to zero.
 #include <linux/input.h>
 #include <time.h>
 

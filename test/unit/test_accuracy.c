@@ -11,9 +11,9 @@
 
 #include <string.h>
 
-// The limits, metres and rad: error with the cores apart and overlapping, cores closer than `touching` counting as
-// overlapping; points off their shapes; normal, where it is unique. libccd finds a local minimum of the depth: from a
-// cold cache millimetres above the least, from a wrong one anything that separates.
+// The limits, metres and rad: error with the cores apart and overlapping, cores closer than `touching`
+// counting as overlapping; points off their shapes; normal, where it is unique. libccd finds a local minimum
+// of the depth: from a cold cache millimetres above the least, from a wrong one anything that separates.
 typedef struct limits {
   double touching, apart, overlap, overlap_wrong_cache, points, normal, too_deep_percent;
 } limits;
@@ -136,7 +136,8 @@ static gv_quat draw_small_turn(void) {
   return gv_quat_axis_angle(draw_unit(), angle);
 }
 
-// A side of a body, in its own frame: a point on it, its outward normal, and the direction of one of its edges.
+// A side of a body, in its own frame: a point on it, its outward normal, and the
+// direction of one of its edges.
 typedef struct side {
   gv_vec3 p, n, along;
 } side;
@@ -144,11 +145,14 @@ typedef struct side {
 static side draw_side(const body *o) {
   const solid *s = &o->s;
   side out;
-  int f = (int)draw(0, s->faces), first = f < s->faces ? s->start[f] : 0,
-      sides = s->faces ? s->start[f + 1] - first : 2;
-  int k = (int)draw(0, sides), m = (int)draw(0, sides), next = (k + 1) % sides;
-  gv_vec3 p = o->own_v[s->faces ? s->corner[first + k] : k],
-          q = o->own_v[s->faces ? s->corner[first + next] : next];
+  int f = (int)draw(0, s->faces);
+  int first = f < s->faces ? s->start[f] : 0;
+  int sides = s->faces ? s->start[f + 1] - first : 2;
+  int k = (int)draw(0, sides);
+  int m = (int)draw(0, sides);
+  int next = (k + 1) % sides;
+  gv_vec3 p = o->own_v[s->faces ? s->corner[first + k] : k];
+  gv_vec3 q = o->own_v[s->faces ? s->corner[first + next] : next];
   out.p = gv_mad(p, draw(0, 1), gv_sub(o->own_v[s->faces ? s->corner[first + m] : m], p));
   out.along = gv_normalize_or(gv_sub(q, p), gv_v3(1, 0, 0));
   out.n = s->faces ? o->own_n[f] : gv_any_perpendicular(out.along);
@@ -157,7 +161,8 @@ static side draw_side(const body *o) {
 
 // Side on side, half of the time edge along edge, but for a small turn.
 static gv_pose draw_parallel(const body *a, const body *b) {
-  side sa = draw_side(a), sb = draw_side(b);
+  side sa = draw_side(a);
+  side sb = draw_side(b);
   gv_quat q = turn_onto(sa.n, gv_neg(sb.n));
   gv_vec3 along = gv_rotate(q, sa.along);
   double twist = gv_atan2(gv_dot(gv_cross(along, sb.along), sb.n), gv_dot(along, sb.along));
@@ -184,7 +189,9 @@ static void draw_poses(const body *a, const body *b, gv_pose *A, gv_pose *B) {
 
 // Move A along the normal so that the cores are as far apart as drawn: as they are, shallow, touching, deep.
 static void draw_gap(const gv_shape *a, gv_pose *A, const gv_shape *b, const gv_pose *B) {
-  double style = draw(0, 6), size = pow(10, draw(-12, -2.5)), sign = draw(-1, 1) < 0 ? -1 : 1;
+  double style = draw(0, 6);
+  double size = pow(10, draw(-12, -2.5));
+  double sign = draw(-1, 1) < 0 ? -1 : 1;
   if (style < 1.5)
     return;
   double gap = style < 3     ? sign * size
@@ -223,8 +230,8 @@ typedef struct query {
 static gv_vec3 in_b(const query *q, gv_vec3 p_world) { return gv_transform_inv(q->B, p_world); }
 
 static oracle ask_oracle(const query *q, const gv_distance *d) {
-  gv_vec3 on_a = in_b(q, gv_mad(d->on_a, q->a.radius, d->normal_world)),
-          on_b = in_b(q, gv_mad(d->on_b, -q->b.radius, d->normal_world));
+  gv_vec3 on_a = in_b(q, gv_mad(d->on_a, q->a.radius, d->normal_world));
+  gv_vec3 on_b = in_b(q, gv_mad(d->on_b, -q->b.radius, d->normal_world));
   return oracle_with_hint(q->body_a, q->body_b, gv_rotate_inv(q->B.q, d->normal_world), on_a, on_b);
 }
 
@@ -242,7 +249,8 @@ static void check_points(const query *q, const gv_distance *d, double depth) {
 }
 
 static void check_answer(const query *q, const oracle *o, const gv_distance *d, found *w) {
-  double core = d->distance + q->a.radius + q->b.radius, error = fabs(core - o->distance);
+  double core = d->distance + q->a.radius + q->b.radius;
+  double error = fabs(core - o->distance);
   double angle = gv_norm(gv_sub(gv_rotate_inv(q->B.q, d->normal_world), o->normal));
   bool finite = isfinite(d->distance) && gv_v3_finite(d->normal_world) && gv_v3_finite(d->on_a) &&
                 gv_v3_finite(d->on_b);
@@ -254,7 +262,8 @@ static void check_answer(const query *q, const oracle *o, const gv_distance *d, 
         o->distance, (int)d->method);
   if (!finite || missed)
     return;
-  bool apart = o->distance > limit->touching, wrong_cache = q->cache[0] == 'w' && q->cache[1] == 'r';
+  bool apart = o->distance > limit->touching;
+  bool wrong_cache = q->cache[0] == 'w' && q->cache[1] == 'r';
   double allowed = apart ? limit->apart : wrong_cache ? limit->overlap_wrong_cache : limit->overlap;
   w->overlapping += !apart && !wrong_cache;
   w->too_deep += !apart && !wrong_cache && error > 1e-5;
@@ -314,7 +323,8 @@ static query draw_query(int type, int i) {
 }
 
 static void ask_query(query *q, found *w) {
-  gv_pair_cache cache = {.corners = 0}, wrong = draw_cache();
+  gv_pair_cache cache = {.corners = 0};
+  gv_pair_cache wrong = draw_cache();
   gv_distance d;
   body_place(q->body_a, gv_pose_mul(gv_pose_inv(q->B), q->A));
   if (q->show)
@@ -351,7 +361,8 @@ static void type_name(int type, char out[32]) {
 static void run_type(int type) {
   char name[32];
   found w = {.poses = 0};
-  int poses = env_number("GV_POSES", POSES), only = env_number("GV_POSE", -1);
+  int poses = env_number("GV_POSES", POSES);
+  int only = env_number("GV_POSE", -1);
   if (only >= 0)
     run_pose(type, only, true, &w);
   for (int i = 0; i < poses && only < 0; i++)
@@ -449,7 +460,8 @@ static void test_poses_that_were_wrong(void) {
 
 // ---- sliding ----
 
-// A goes around B, turning, its cores between `low` and `high` apart (metres; negative: overlapping): pose at frame i.
+// A goes around B, turning, its cores between `low` and `high` apart (metres; negative:
+// overlapping): pose at frame i.
 static gv_pose slide_pose(const gv_shape *a, const gv_shape *b, const gv_pose *B, int i, double low,
                           double high) {
   double t = i * GV_PI / 1800, s, c, s2, c2, s3, c3;
@@ -476,7 +488,8 @@ static motion contact_motion(const gv_shape *a, const gv_pose *A, const gv_shape
                              gv_pair_cache *cache, gv_distance *out) {
   gv_contact_point p[GV_MAX_PAIR_CONTACTS];
   cache->inside = 0;  // the nearest side, whichever it came from
-  int count = gv_manifold_pair(GV_NARROW_CORE, &(gv_pair){a, A, b, B}, 1, cache, p, out), deepest = 0;
+  int count = gv_manifold_pair(GV_NARROW_CORE, &(gv_pair){a, A, b, B}, 1, cache, p, out);
+  int deepest = 0;
   CHECK(count > 0, "a contact at %g m", out->distance);
   for (int k = 1; k < count; k++)
     if (p[k].depth > p[deepest].depth)
@@ -496,7 +509,8 @@ static void run_slide(int kind_a, int kind_b, double low, double high, double *i
              .body_b = &body_b};
   gv_pair_cache cache = {.corners = 0};
   motion last_off = {{0, 0, 0}, 0};
-  double normal2 = 0, depth2 = 0;
+  double normal2 = 0;
+  double depth2 = 0;
   bool follows = false;
   body_init(&body_a, &q.a), body_init(&body_b, &q.b);
   for (int i = 0; i < FRAMES; i++) {
@@ -524,7 +538,8 @@ static void run_slide(int kind_a, int kind_b, double low, double high, double *i
 
 static void test_sliding_moves_as_the_true_contact(void) {
   const int on[] = {BOX, PLATE, ROD, HULL21, HULL127, HULL1000};
-  double normal = 0, depth = 0;
+  double normal = 0;
+  double depth = 0;
   for (unsigned k = 0; k < sizeof on / sizeof on[0]; k++) {
     for (int palm = 0; palm < 2; palm++) {
       int kind = palm ? PALM : LIMB;
@@ -544,8 +559,8 @@ static void test_oracle_against_brute_force(void) {
   static body a, b;
   const int small[5] = {BOX, PLATE, ROD, HULL12, HULL21};
   for (int i = 0; i < 3000; i++) {
-    gv_shape sa = i % 3 ? shape_of(i % 3 == 1 ? LIMB : PALM) : shape_of(small[i % 5]),
-             sb = shape_of(small[i / 5 % 5]);
+    gv_shape sa = i % 3 ? shape_of(i % 3 == 1 ? LIMB : PALM) : shape_of(small[i % 5]);
+    gv_shape sb = shape_of(small[i / 5 % 5]);
     gv_pose A, B, here = gv_pose_identity();
     body_init(&a, &sa), body_init(&b, &sb);
     draw_poses(&a, &b, &A, &B);
@@ -557,7 +572,8 @@ static void test_oracle_against_brute_force(void) {
     gv_distance d;
     gv_distance_pair(GV_NARROW_CORE, &(gv_pair){&sa, &A, &sb, &here}, 1, &cold, &d);
     gv_vec3 n = i % 2 ? draw_unit() : d.normal_world;
-    gv_vec3 on_a = gv_mad(d.on_a, sa.radius, n), on_b = gv_mad(d.on_b, -sb.radius, n);
+    gv_vec3 on_a = gv_mad(d.on_a, sa.radius, n);
+    gv_vec3 on_b = gv_mad(d.on_b, -sb.radius, n);
     oracle o = oracle_with_hint(&a, &b, n, on_a, on_b);
     CHECK_NEAR(o.distance, exact.distance, 1e-11);
     CHECK(!is_unique(&exact) || gv_norm(gv_sub(o.normal, exact.normal)) < 1e-6, "%d: normal off by %g at %g",

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// The DOGlove's two codecs against bytes that others wrote: Dynamixel packets as the maker's e-Manual prints them ("DYNAMIXEL
-// Protocol 2.0", the examples of each instruction), and blocks laid out here after the firmware's main.c.
+// The DOGlove's two codecs against bytes that others wrote: Dynamixel packets as the maker's
+// e-Manual prints them ("DYNAMIXEL Protocol 2.0", the examples of each instruction), and blocks laid
+// out here after the firmware's main.c.
 #include <string.h>
 
 #include "gloved/channel.h"
@@ -87,7 +88,8 @@ static void put_word(uint8_t *at, uint32_t value) {
     at[i] = (uint8_t)(value >> (8 * i));
 }
 
-// data[0] = 0x55AA, data[1] the reference, data[2] to data[17] the encoders, data[18] = sum << 16 | time; as it lies in memory.
+// data[0] = 0x55AA, data[1] the reference, data[2] to data[17] the encoders, data[18] = sum <<
+// 16 | time; as it lies in memory.
 static void lay_out(uint8_t out[76], uint32_t reference_uv, const int32_t encoder[16], uint16_t time) {
   uint16_t sum = (uint16_t)reference_uv;
   put_word(out, 0x55AA);

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// What the hand feels against what it should feel, in closed formulas: the weight of what it lifts, the angle at which
-// friction lets go, the inertia of what it shakes.
+// What the hand feels against what it should feel, in closed formulas: the weight of what it lifts, the
+// angle at which friction lets go, the inertia of what it shakes.
 #include "daemon/load/config_load.h"
 #include "daemon/load/scene_load.h"
 #include "daemon/loop/session.h"
@@ -101,7 +101,8 @@ static void test_the_hand_carries_the_weight_that_it_lifts(void) {
   }
 }
 
-// Shaken up and down by 10 mm: the couplings carry the weight and the inertia of object and limbs, at each step.
+// Shaken up and down by 10 mm: the couplings carry the weight and the inertia of
+// object and limbs, at each step.
 static void test_what_is_shaken_has_its_inertia(void) {
   static const double hz[] = {1, 2, 3, 4, 5};
   for (int i = 0; i < 5; i++) {
@@ -109,7 +110,8 @@ static void test_what_is_shaken_has_its_inertia(void) {
     grasp(mass_kg);
     while (time_ms < 5500)
       step();
-    double worst = 0, most = 0;
+    double worst = 0;
+    double most = 0;
     gv_vec3 last = momentum(mass_kg);
     for (int k = 0; k < 2000; k++) {
       // The user's hand, whatever the script says.
@@ -133,7 +135,8 @@ static void test_what_is_shaken_has_its_inertia(void) {
 
 // ---- friction -------------------------------------------------------------------------------------
 
-// A plate lies on the hand's back, which is tilted slowly about its long axis: the plate slides off at atan(mu).
+// A plate lies on the hand's back, which is tilted slowly about its long axis: the
+// plate slides off at atan(mu).
 static void test_what_lies_on_the_hand_slides_at_the_angle_of_friction(void) {
   static const double mu_hand[] = {0.3, 0.5, 0.8, 1.0};
   static const double straight[GV_SENSORS];
@@ -152,7 +155,8 @@ static void test_what_lies_on_the_hand_slides_at_the_angle_of_friction(void) {
     lab_steps(&l, 500, &hand);
     gv_vec3 at = gv_transform_inv(gv_engine_limb_pose(l.engine, GV_LIMB_PALM),
                                   gv_engine_object_pose(l.engine, plate).p);
-    double angle = 0, moved = 0;
+    double angle = 0;
+    double moved = 0;
     for (int k = 0; k < 200000 && moved < 5e-5; k++) {
       hand = lab_hand(&l, straight, (gv_pose){gv_quat_axis_angle(gv_v3(1, 0, 0), k * 5e-6), {0, 0, 0.5}});
       lab_steps(&l, 1, &hand);

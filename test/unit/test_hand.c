@@ -161,7 +161,7 @@ static void test_calibration_two_points(void) {
   CHECK(gv_calibration_check(&cal) == -6, "two equal points are refused and named");
 }
 
-// ---- precision grasps, with the thumb where an import of VirtualHand's roll puts it (tools/trace/table.c) ------
+// precision grasps, with the thumb where an import of VirtualHand's roll puts it (tools/trace/table.c)
 
 typedef struct pinch {
   double roll_deg, thumb_deg[2], index_deg[3];  // VirtualHand's roll; MPJ and IJ; MPJ, PIJ, DIJ

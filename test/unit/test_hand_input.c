@@ -62,7 +62,8 @@ static void test_what_cannot_be_is_refused(void) {
   }
   lay_out(byte, 0x80, 1);
   CHECK(!gv_hand_input_unpack(byte, 56, &in), "an unknown flag is taken");
-  const float nan = (float)NAN, inf = (float)INFINITY;
+  const float nan = (float)NAN;
+  const float inf = (float)INFINITY;
   CHECK(refuses(8, nan) && refuses(12, 2.1f) && refuses(16, -inf), "a wrist that cannot be");
   CHECK(refuses(20, nan) && refuses(20, 0.0f) && refuses(24, 3.0f), "a rotation that is none");
   CHECK(refuses(36, -0.01f) && refuses(52, 1.01f) && refuses(44, nan), "a grip beyond 0 to 1");
@@ -86,7 +87,8 @@ static void test_targets_may_jump(void) {
                       .grip = {1, 1, 1, 1, 0.5}};
   gv_hand_motion_take(&m, &in);
   twin = m;
-  double fastest_m_s = 0, fastest_rad_s = 0;
+  double fastest_m_s = 0;
+  double fastest_rad_s = 0;
   for (int ms = 0; ms < 3000; ms++) {
     const gv_sim_keyframe before = gv_hand_motion_now(&m);
     gv_hand_motion_step(&m);
@@ -189,7 +191,8 @@ static void test_silence_opens_the_switch(void) {
 static void test_one_sender_at_a_time(void) {
   bool held = false;
   open_driver();
-  const int me = sender(), other = sender();
+  const int me = sender();
+  const int other = sender();
   send_to(me, GV_HAND_INPUT_DEAD_MAN, 7);
   poll_ms(5, &held);
   send_to(other, 0, 1);

@@ -66,8 +66,8 @@ static uint64_t steps_by_others(const lab *l) {
   return c->dantzig_steps + c->quickstep_steps + c->unsolved_steps;
 }
 
-// While it tumbles a heap costs more than newton's share, and ODE does most of its steps, with its noise. Once it has
-// settled, newton does all of them, and it lies still.
+// While it tumbles a heap costs more than newton's share, and ODE does most of its steps, with its noise.
+// Once it has settled, newton does all of them, and it lies still.
 static void test_a_heap_comes_back_to_newton(void) {
   enum { HEAPS = 6, SETTLING = 2500, STEPS = 3000 };
   unsigned long long draws = 1;

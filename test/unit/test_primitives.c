@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// Capsule, cylinder, cone and ellipsoid: how far what is touched lies from the true shape (closed formulas of the support
-// function), signed distances against a dense sweep of the true shape's directions (Eqn 8), what a limb along a
-// capsule and shapes that lie on a table feel. Mass properties: test_scene. Exact distances of the cores: test_accuracy.
+// Capsule, cylinder, cone and ellipsoid: how far what is touched lies from the true shape (closed formulas
+// of the support function), signed distances against a dense sweep of the true shape's directions (Eqn 8),
+// what a limb along a capsule and shapes that lie on a table feel. Mass properties: test_scene. Exact
+// distances of the cores: test_accuracy.
 #include <string.h>
 
 #include "daemon/load/scene_load.h"
@@ -67,7 +68,8 @@ static void test_surfaces_lie_where_the_formulas_say(void) {
   const gv_pose here = gv_pose_identity();
   for (int kind = 0; kind < KINDS; kind++) {
     const gv_shape shape = gv_shape_hull(&hull[kind]);
-    double out = 0, in = 0;
+    double out = 0;
+    double in = 0;
     uint16_t hint = 0;
     for (int i = 0; i < 200000; i++) {
       const gv_vec3 n = lattice(i, 200000);
@@ -115,8 +117,8 @@ static double sweep_depth(const sweep *s) {
 }
 
 static void test_depth_against_a_sweep_of_the_true_shape(void) {
-  const gv_shape limb = gv_shape_capsule(0.015, 0.008),
-                 palm = gv_shape_rounded_box(gv_v3(0.04, 0.045, 0.008), 0.005);
+  const gv_shape limb = gv_shape_capsule(0.015, 0.008);
+  const gv_shape palm = gv_shape_rounded_box(gv_v3(0.04, 0.045, 0.008), 0.005);
   for (int kind = 0; kind < KINDS; kind++) {
     const gv_shape b = gv_shape_hull(&hull[kind]);
     double off = 0;
@@ -142,7 +144,8 @@ static void test_depth_against_a_sweep_of_the_true_shape(void) {
 
 // A limb that lies along a capsule is held at both ends of what they share; across it in one point.
 static void test_a_limb_along_a_capsule_has_two_contacts(void) {
-  const gv_shape limb = gv_shape_capsule(0.015, 0.008), b = gv_shape_hull(&hull[CAPSULE]);
+  const gv_shape limb = gv_shape_capsule(0.015, 0.008);
+  const gv_shape b = gv_shape_hull(&hull[CAPSULE]);
   const gv_pose B = {gv_quat_axis_angle(gv_v3(0, 1, 0), GV_PI / 2), {0, 0, 0}};  // along x
   for (int k = 0; k < 3; k++) {
     const double turn = k == 0 ? 0 : k == 1 ? 0.002 : GV_PI / 2;

@@ -36,7 +36,8 @@ static gv_vec3 mesh_corner(const gv_scene *s, const gv_object *o, int triangle, 
 
 // V - E + F, the edges counted by brute force; -99 where an edge has not exactly one twin.
 static int euler_characteristic(const gv_scene *s, const gv_object *o) {
-  int twins = 0, n = o->triangle_count;
+  int twins = 0;
+  int n = o->triangle_count;
   const gv_triangle *t = s->mesh_triangle + o->triangle_first;
   for (int i = 0; i < 3 * n; i++) {
     int found = 0;
@@ -67,8 +68,9 @@ static void check_table(const gv_scene *s) {
   const gv_object *table = &s->object[0];
   CHECK(table->is_static && strcmp(table->name, "table") == 0 && table->triangle_count == 12, "no table");
   const gv_hull *hull = &s->piece[table->piece_first];
-  gv_vec3 min = gv_transform(table->T_world_body, hull->aabb_min),
-          max = gv_transform(table->T_world_body, hull->aabb_max);  // not turned
+  // not turned
+  gv_vec3 min = gv_transform(table->T_world_body, hull->aabb_min);
+  gv_vec3 max = gv_transform(table->T_world_body, hull->aabb_max);
   CHECK_NEAR(max.z, 0, 1e-12);
   CHECK_NEAR(max.x - min.x, 1.2, 1e-12);
   CHECK_NEAR(max.y - min.y, 0.8, 1e-12);
@@ -104,7 +106,8 @@ typedef struct moments {
 } moments;
 
 static void add_block(moments *m, double sign, double a, double b, double c) {
-  double v = sign * a * b * c, square[3] = {a * a, b * b, c * c};
+  double v = sign * a * b * c;
+  double square[3] = {a * a, b * b, c * c};
   m->volume += v;
   for (int i = 0; i < 3; i++)
     m->second[i][i] += v * square[i] / 12;
@@ -144,7 +147,8 @@ static moments frame_moments(void) {
   add_block(&m, 1, 0.02, 0.14, 0.12);
   add_block(&m, -1, 0.02, 0.096, 0.076);
   for (int i = 0; i < 3; i++) {
-    double y = cut_corner[i][0], z = cut_corner[i][1];
+    double y = cut_corner[i][0];
+    double z = cut_corner[i][1];
     double r[4][3] = {
       {-0.01, y, z}, {-0.01, y - copysign(0.012, y), z}, {-0.01, y, z - copysign(0.012, z)}, {0.01, y, z}};
     add_tetrahedron(&m, -1, r);
@@ -186,7 +190,8 @@ static bool in_frame(gv_vec3 p) {
   if (fabs(p.y) < 0.048 && fabs(p.z) < 0.038)
     return false;
   for (int i = 0; i < 3; i++) {
-    double y = cut_corner[i][0], z = cut_corner[i][1];
+    double y = cut_corner[i][0];
+    double z = cut_corner[i][1];
     if (fabs(p.y - y) / 0.012 + fabs(p.z - z) / 0.012 + (p.x + 0.01) / 0.02 < 1)
       return false;
   }
@@ -214,7 +219,8 @@ static void test_frame_pieces_fill_it_once(void) {
     return;
   }
   const gv_object *frame = &s.object[1];
-  int wrong = 0, inside = 0;
+  int wrong = 0;
+  int inside = 0;
   for (int i = 0; i < 200000; i++) {
     gv_vec3 p = gv_v3(check_uniform(&seed, -0.012, 0.012), check_uniform(&seed, -0.075, 0.075),
                       check_uniform(&seed, -0.065, 0.065));
@@ -236,12 +242,15 @@ static void test_frame_polygons_are_the_pieces_surface(void) {
   const gv_object *frame = &s.object[1];
   for (int t = 0; t < frame->triangle_count; t++)
     for (int i = 0; i < 500; i++) {
-      gv_vec3 a = mesh_corner(&s, frame, t, 0), u = gv_sub(mesh_corner(&s, frame, t, 1), a),
-              v = gv_sub(mesh_corner(&s, frame, t, 2), a);
-      double x = check_uniform(&seed, 0.001, 0.998), y = check_uniform(&seed, 0.0005, 0.999 - x);
-      gv_vec3 p = gv_mad(gv_mad(a, x, u), y, v), n = gv_normalize_or(gv_cross(u, v), gv_v3(0, 0, 0));
-      int in = count_pieces_around(&s, frame, gv_mad(p, -1e-6, n)),
-          out = count_pieces_around(&s, frame, gv_mad(p, 1e-6, n));
+      gv_vec3 a = mesh_corner(&s, frame, t, 0);
+      gv_vec3 u = gv_sub(mesh_corner(&s, frame, t, 1), a);
+      gv_vec3 v = gv_sub(mesh_corner(&s, frame, t, 2), a);
+      double x = check_uniform(&seed, 0.001, 0.998);
+      double y = check_uniform(&seed, 0.0005, 0.999 - x);
+      gv_vec3 p = gv_mad(gv_mad(a, x, u), y, v);
+      gv_vec3 n = gv_normalize_or(gv_cross(u, v), gv_v3(0, 0, 0));
+      int in = count_pieces_around(&s, frame, gv_mad(p, -1e-6, n));
+      int out = count_pieces_around(&s, frame, gv_mad(p, 1e-6, n));
       // On a seam of two pieces the point may be in neither by rounding; a random point never is.
       CHECK(in == 1 && out == 0, "triangle %d: %d pieces below, %d above", t, in, out);
     }
@@ -271,10 +280,11 @@ static void test_corner_tetrahedron(void) {
   CHECK(s.gravity_m_s2.z == -1.5 && o->mass_kg == 3 && o->mu == 0.25, "values");
   CHECK_NEAR(o->center_m.x, 0.025, 1e-15);
   CHECK_NEAR(o->center_m.z, 0.025, 1e-15);
-  double d = 3 * 0.075 * 0.01, e = 3 * 0.01 / 80;
+  double d = 3 * 0.075 * 0.01;
+  double e = 3 * 0.01 / 80;
   check_inertia(o, d, d, d, e, e, e);
-  gv_vec3 corner = gv_transform(o->T_world_body, s.mesh_vertex[0]),
-          x = gv_transform(o->T_world_body, s.mesh_vertex[1]);
+  gv_vec3 corner = gv_transform(o->T_world_body, s.mesh_vertex[0]);
+  gv_vec3 x = gv_transform(o->T_world_body, s.mesh_vertex[1]);
   CHECK_NEAR(gv_norm(gv_sub(corner, gv_v3(1, 2, 3))), 0, 1e-14);
   CHECK_NEAR(gv_norm(gv_sub(x, gv_v3(1, 2.1, 3))), 0, 1e-14);
 }
@@ -484,7 +494,11 @@ static const gv_object *load_shape(const char *shape, gv_scene *s) {
 
 static void test_capsule_by_name(void) {
   gv_scene s;
-  const double r = 0.02, l = 0.06, body = 3 * l, ends = 4 * r;  // volumes over pi r^2 / 3
+  // volumes over pi r^2 / 3
+  const double r = 0.02;
+  const double l = 0.06;
+  const double body = 3 * l;
+  const double ends = 4 * r;
   const gv_object *o = load_shape("capsule = [0.02, 0.10]", &s);
   if (!o)
     return;
@@ -503,7 +517,9 @@ static void test_capsule_by_name(void) {
 
 static void test_cylinder_and_cone_by_name(void) {
   gv_scene s;
-  const double r = 0.03, h = 0.08, m = 0.5;
+  const double r = 0.03;
+  const double h = 0.08;
+  const double m = 0.5;
   const gv_object *o = load_shape("cylinder = [0.03, 0.08]", &s);
   if (o)
     check_inertia(o, m * (r * r / 4 + h * h / 12), m * (r * r / 4 + h * h / 12), m * r * r / 2, 0, 0, 0);
@@ -521,7 +537,10 @@ static void test_cylinder_and_cone_by_name(void) {
 
 static void test_ellipsoid_by_name(void) {
   gv_scene s;
-  const double a = 0.02, b = 0.03, c = 0.05, m = 0.5;
+  const double a = 0.02;
+  const double b = 0.03;
+  const double c = 0.05;
+  const double m = 0.5;
   const gv_object *o = load_shape("ellipsoid = [0.02, 0.03, 0.05]", &s);
   if (o)
     check_inertia(o, m / 5 * (b * b + c * c), m / 5 * (a * a + c * c), m / 5 * (a * a + b * b), 0, 0, 0);

@@ -553,7 +553,8 @@ static void test_an_open_switch_counts_in_any_sound_frame(void) {
 // ---- the rise on the wire ------------------------------------------------------------------------------
 
 // Steps that are late by turns: 1.9 ms, 0.1 ms, 1.9 ms.
-// One frame in doubt among many of a step, and the newest one sound again: at 100 Hz a step takes ten frames of a glove of 1 kHz.
+// One frame in doubt among many of a step, and the newest one sound again: at 100 Hz a step
+// takes ten frames of a glove of 1 kHz.
 static void test_a_doubt_counts_in_any_sound_frame(void) {
   for (int i = 0; i < 3; i++) {
     press_until_force();

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// Where a hand may take an object: a sequence of candidates that covers directions, heights and postures evenly (Halton
-// 1960), each brought up to the object with open fingers, as far as distances allow, and clear of what does not move.
+// Where a hand may take an object: a sequence of candidates that covers directions, heights and
+// postures evenly (Halton 1960), each brought up to the object with open fingers, as far as distances
+// allow, and clear of what does not move.
 #include <stdio.h>
 
 #include "tools/grasp/grasp.h"
@@ -9,7 +10,8 @@ static const double clearance_m = 0.0015;  // of the open hand from the object
 static const double table_m = 0.002;       // of the open hand from what does not move
 static const double reach_m = 0.20;        // the hand comes from so far
 
-// The postures that close: a fist around a thing, one around a handle with the thumb along it, and fingertips.
+// The postures that close: a fist around a thing, one around a handle with the
+// thumb along it, and fingertips.
 typedef struct posture {
   const char *name;
   int count;
@@ -79,7 +81,8 @@ static const posture postures[GRASP_POSTURES] = {
 };
 
 static double halton(unsigned index, unsigned base) {
-  double value = 0, digit = 1;
+  double value = 0;
+  double digit = 1;
   for (; index > 0; index /= base) {
     digit /= base;
     value += digit * (index % base);

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// Finding a grasp for an object: candidates (where from, which posture, how tight) are tried by the simulated user on
-// the engine itself, and those that hold are compared by the wrench that their contacts resist. The same
-// scene and seed give the same grasp: no clock decides. Memory is the caller's; one search at a time.
+// Finding a grasp for an object: candidates (where from, which posture, how tight) are tried by the simulated
+// user on the engine itself, and those that hold are compared by the wrench that their contacts resist. The
+// same scene and seed give the same grasp: no clock decides. Memory is the caller's; one search at a time.
 #ifndef GLOVED_TOOLS_GRASP_H
 #define GLOVED_TOOLS_GRASP_H
 
@@ -35,8 +35,8 @@ typedef struct grasp_candidate {
 
 typedef struct grasp_result {
   bool held;
-  double
-      wrench_n;  // least force, over all directions, that a newton at each contact resists (torque: over the size)
+  double wrench_n;  // least force, over all directions, that a newton at each contact resists (torque:
+                    // over the size)
   double lift_m, slip_m, depth_m;  // while held
   int limbs;                       // that touch it while held
 } grasp_result;

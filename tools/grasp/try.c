@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// One candidate in the simulated user's hand: the device, the safety machine, the limiter and the engine as they are,
-// step by step and as fast as possible; and the wrench that the contacts of the held object resist.
+// One candidate in the simulated user's hand: the device, the safety machine, the limiter and the engine as
+// they are, step by step and as fast as possible; and the wrench that the contacts of the held object resist.
 #include <string.h>
 
 #include "daemon/load/config_load.h"
@@ -54,7 +54,8 @@ bool grasp_begin(grasp_search *s, const gv_scene *scene, const gv_config *config
 
 // ---- the wrench ----
 
-// Forces of one newton at a contact along the edges of its friction cone, with their torque about the object's centre.
+// Forces of one newton at a contact along the edges of its friction cone, with their
+// torque about the object's centre.
 static int add_generators(const grasp_search *s, const gv_engine *engine, const gv_contact *c, double mu,
                           wrench out[CONE]) {
   const gv_vec3 center = gv_engine_object_pose(engine, s->object).p;
@@ -88,8 +89,8 @@ static wrench draw_direction(unsigned long long *state) {
   return d;
 }
 
-// The largest ball about zero in the hull of the generators (Ferrari and Canny 1992), over sampled directions; below 0:
-// some push is not resisted at all.
+// The largest ball about zero in the hull of the generators (Ferrari and Canny 1992), over sampled
+// directions; below 0: some push is not resisted at all.
 static double resisted(const wrench *g, int count) {
   unsigned long long state = 1;
   double least = HUGE_VAL;

@@ -10,8 +10,8 @@ int trace_import(int argc, char **argv);
 int trace_record(int argc, char **argv);
 int trace_align(int argc, char **argv);
 
-// Beside a recording that was written: version, commit, date and command line (FILE.about); nothing beside "-". Returns
-// `code`, or EXIT_FAULT where that cannot be written.
+// Beside a recording that was written: version, commit, date and command line (FILE.about); nothing beside
+// "-". Returns `code`, or EXIT_FAULT where that cannot be written.
 int trace_about(int code, const char *path);
 // One line on standard error, "gloved-trace: ..."; returns `code`.
 int trace_fail(int code, const char *format, ...) __attribute__((format(printf, 2, 3)));

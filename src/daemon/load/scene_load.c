@@ -19,7 +19,8 @@
   40.0  // of an object from the origin along each axis; the engine puts bodies back at 100 m
 #define DEFAULT_FIT_M 1e-6  // mesh and pieces agree to the rounding of decimals in a text
 
-// The scene being filled. Counts run up to those of `scene`, which were counted before anything was allocated.
+// The scene being filled. Counts run up to those of `scene`, which were counted
+// before anything was allocated.
 typedef struct loader {
   gv_arena *arena;
   gv_scene scene;
@@ -109,7 +110,8 @@ static void count_points(int *total, const source *src) {
 }
 
 static void count_scene(gv_scene *scene, gv_conf_node objects) {
-  int length = gv_conf_length(objects), points = 0;
+  int length = gv_conf_length(objects);
+  int points = 0;
   count_one(&scene->object_count, length, GV_MAX_OBJECTS, "GV_MAX_OBJECTS", "objects", objects);
   for (int i = 0; i < length && !objects.conf->failed; i++) {
     gv_conf_group group = gv_conf_as_group(gv_conf_entry(objects, i), "an object");
@@ -167,8 +169,8 @@ static gv_quat read_rotation(gv_conf_group *group) {
     gv_conf_fail(orientation, "'orientation' beside 'rotation'; give one of the two");
   if (angles) {
     double rad = GV_PI / 180;
-    gv_quat x = gv_quat_axis_angle(gv_v3(1, 0, 0), deg[0] * rad),
-            y = gv_quat_axis_angle(gv_v3(0, 1, 0), deg[1] * rad);
+    gv_quat x = gv_quat_axis_angle(gv_v3(1, 0, 0), deg[0] * rad);
+    gv_quat y = gv_quat_axis_angle(gv_v3(0, 1, 0), deg[1] * rad);
     return gv_quat_mul(gv_quat_axis_angle(gv_v3(0, 0, 1), deg[2] * rad), gv_quat_mul(y, x));
   }
   if (!gv_conf_numbers(group, "orientation", -1.001, 1.001, 4, "the quaternion [w, x, y, z]", q))
@@ -189,8 +191,12 @@ static gv_pose read_pose(gv_conf_group *group) {
 // An inertia is that of some body when trace/2 - J (its second moments) is positive definite.
 static bool is_inertia(const gv_mat3 *J) {
   double half = (J->m[0][0] + J->m[1][1] + J->m[2][2]) / 2;
-  double a = half - J->m[0][0], b = half - J->m[1][1], c = half - J->m[2][2];
-  double d = -J->m[0][1], e = -J->m[0][2], f = -J->m[1][2];
+  double a = half - J->m[0][0];
+  double b = half - J->m[1][1];
+  double c = half - J->m[2][2];
+  double d = -J->m[0][1];
+  double e = -J->m[0][2];
+  double f = -J->m[1][2];
   return a > 0 && a * b - d * d > 0 && a * (b * c - f * f) - d * (d * c - f * e) + e * (d * f - b * e) > 0;
 }
 
@@ -341,7 +347,9 @@ static gv_mass_properties check_shape(loader *l, const source *src, const gv_mes
 
 // A centre and an inertia that are given belong to a body of this size: in other units they would not.
 static void check_inertia(gv_conf_group *group, const gv_object *object, const gv_mesh *mesh) {
-  gv_vec3 c = object->center_m, low = mesh->vertex[0], high = low;
+  gv_vec3 c = object->center_m;
+  gv_vec3 low = mesh->vertex[0];
+  gv_vec3 high = low;
   double farthest2 = 0;
   for (int i = 0; i < mesh->vertex_count; i++) {
     gv_vec3 p = mesh->vertex[i];
@@ -354,8 +362,9 @@ static void check_inertia(gv_conf_group *group, const gv_object *object, const g
                  "'center' lies outside of the object (%g..%g, %g..%g, %g..%g m); correct it", low.x, high.x,
                  low.y, high.y, low.z, high.z);
   const gv_mat3 *J = &object->inertia_kg_m2;
-  double trace = J->m[0][0] + J->m[1][1] + J->m[2][2],
-         most = 2 * object->mass_kg * farthest2;  // all mass at the farthest corner
+  // all mass at the farthest corner
+  double trace = J->m[0][0] + J->m[1][1] + J->m[2][2];
+  double most = 2 * object->mass_kg * farthest2;
   if (!object->is_static && trace > most)
     gv_conf_fail(gv_conf_find(group, "inertia"),
                  "'inertia' has the trace %.3g; %g kg within this object reach %.3g kg m2 at "

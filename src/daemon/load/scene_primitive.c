@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// Shapes by name: one table says their keys, sizes and polygons. All but the box are bodies of revolution about z: a
-// pole, circles from north to south, a pole. Main thread, before the loop starts.
+// Shapes by name: one table says their keys, sizes and polygons. All but the box are bodies of revolution
+// about z: a pole, circles from north to south, a pole. Main thread, before the loop starts.
 #include "daemon/load/scene_primitive.h"
 
 #include <assert.h>

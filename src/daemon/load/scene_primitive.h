@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// Shapes that a scene file gives by name and sizes: box, ball, capsule, cylinder, cone, ellipsoid. Each has one piece
-// and polygons to be shown by; what is touched and weighed is the true shape (gloved/shape.h says how true).
-// Main thread, before the loop starts.
+// Shapes that a scene file gives by name and sizes: box, ball, capsule, cylinder, cone, ellipsoid. Each has
+// one piece and polygons to be shown by; what is touched and weighed is the true shape (gloved/shape.h says
+// how true). Main thread, before the loop starts.
 #ifndef GLOVED_SCENE_PRIMITIVE_H
 #define GLOVED_SCENE_PRIMITIVE_H
 

@@ -53,7 +53,8 @@ static void empty_rings(gv_loop *loop, const gv_listeners *to) {
   while ((record = gv_ring_peek(&loop->records))) {
     gv_telemetry_record(to->telemetry, record);
     if (record->kind == GV_RECORD_STATE)
-      gv_notify_status(to->notify, gv_safety_name(record->to), record->bits ? gv_fault_text(record->bits) : "");
+      gv_notify_status(to->notify, gv_safety_name(record->to),
+                       record->bits ? gv_fault_text(record->bits) : "");
     gv_black_box_record(to->black_box, record);
     gv_view_record(to->view, record);
     gv_ring_release(&loop->records);

@@ -34,7 +34,8 @@ typedef struct gv_telemetry_config {
 // One at a time per process. Null with one line (what, what to do) in err where LCM does not start
 // although it is required; where it is not, err says so and the rest works. err is empty when all is well.
 gv_telemetry *gv_telemetry_open(const gv_telemetry_config *cfg, char *err, size_t err_size);
-// Logs into this file, which is emptied: the last thing before gv_telemetry_attach. 0, or negative with a line in err.
+// Logs into this file, which is emptied: the last thing before gv_telemetry_attach. 0,
+// or negative with a line in err.
 int gv_telemetry_log(gv_telemetry *telemetry, const char *path, char *err, size_t err_size);
 // Before the loop starts: it is the one that commands are for. A log wants every step from the first.
 void gv_telemetry_attach(gv_telemetry *telemetry, gv_loop *loop);
