@@ -43,7 +43,7 @@ static const char help_text[] =
     "\n"
     "Exit codes: 0 done, 1 no gloved answers, 2 bad usage.\n";
 
-enum { EVERY_MS = 20, WAIT_ANSWER_MS = 5000, PRESS_AFTER_MS = 500, RESET_AFTER_MS = 800, KEYS = 64 };
+enum { EVERY_MS = 20, WAIT_ANSWER_MS = 15000, PRESS_AFTER_MS = 500, RESET_AFTER_MS = 800, KEYS = 64 };
 static const double shift_m = 0.01, turn_rad = 5.0 * GV_PI / 180.0, tenth = 0.1, reach_m = 1.0;
 
 typedef struct client {
