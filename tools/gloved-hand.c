@@ -43,6 +43,7 @@ static const char help_text[] =
     "\n"
     "Exit codes: 0 done, 1 no gloved answers, 2 bad usage.\n";
 
+enum { DOUBT_MS = 1500 };  // held for so long, and no force may flow: it is let go and pressed anew
 enum { EVERY_MS = 20, WAIT_ANSWER_MS = 15000, PRESS_AFTER_MS = 500, RESET_AFTER_MS = 800, KEYS = 64 };
 static const double shift_m = 0.01, turn_rad = 5.0 * GV_PI / 180.0, tenth = 0.1, reach_m = 1.0;
 
@@ -50,13 +51,14 @@ typedef struct client {
   int fd;
   gv_hand_input want;
   gv_hand_output now;
-  bool answered;      // at least once
-  bool grasping;      // where space has left the fingers
-  int64_t answer_ms;  // of the newest answer
-  int64_t press_ms;   // when the switch is to be pressed; 0: it is, or was let go on purpose
-  int64_t reset_ms;   // when objects are to be put back; 0: not
-  pid_t reset;        // gloved-command at work; 0: none
-  const char *said;   // newest line for the person
+  bool answered;       // at least once
+  bool grasping;       // where space has left the fingers
+  int64_t answer_ms;   // of the newest answer
+  int64_t press_ms;    // when the switch is to be pressed; 0: it is, or was let go on purpose
+  int64_t flowing_ms;  // when forces might flow last, or the switch was pressed
+  int64_t reset_ms;    // when objects are to be put back; 0: not
+  pid_t reset;         // gloved-command at work; 0: none
+  const char *said;    // newest line for the person
 } client;
 
 static volatile sig_atomic_t interrupted;
@@ -151,7 +153,7 @@ static void toggle_switch(client *c) {
   if (c->want.flags & GV_HAND_INPUT_DEAD_MAN)
     let_go(c);
   else
-    c->want.flags = GV_HAND_INPUT_DEAD_MAN;
+    c->press_ms = 1;
 }
 
 // The hand lets go and goes home; then, with no force left, the objects are put back and the switch is
@@ -294,6 +296,22 @@ static void draw(const client *c, int64_t ms) {
 
 // ---- run ------------------------------------------------------------------------------------------
 
+// Pressed when its time has come. After a fault (a machine that stood still) the safety machine wants the
+// switch let go first; nobody's hand is in it, so that is done here.
+static void look_at_switch(client *c, int64_t ms) {
+  if (c->press_ms && ms >= c->press_ms) {
+    c->want.flags = GV_HAND_INPUT_DEAD_MAN;
+    c->press_ms = 0;
+    c->flowing_ms = ms;
+  }
+  if (c->now.flags & GV_HAND_OUTPUT_FORCES)
+    c->flowing_ms = ms;
+  if (!(c->want.flags & GV_HAND_INPUT_DEAD_MAN) || ms - c->flowing_ms < DOUBT_MS)
+    return;
+  c->want.flags = 0;
+  c->press_ms = ms + PRESS_AFTER_MS;
+}
+
 static void run(client *c) {
   c->press_ms = now_ms() + PRESS_AFTER_MS;
   int64_t next_ms = now_ms();
@@ -308,10 +326,7 @@ static void run(client *c) {
     if (ms < next_ms)
       continue;
     next_ms = ms + EVERY_MS;
-    if (c->press_ms && ms >= c->press_ms)
-      c->want.flags = GV_HAND_INPUT_DEAD_MAN;
-    if (c->press_ms && ms >= c->press_ms)
-      c->press_ms = 0;
+    look_at_switch(c, ms);
     look_at_reset(c, ms);
     send_wish(c, c->reset_ms ? GV_HAND_INPUT_HOME : 0);
     draw(c, ms);
