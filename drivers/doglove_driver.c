@@ -304,9 +304,12 @@ static void read_pedal(doglove *d) {
   const ssize_t n = read(d->pedal, event, sizeof event);
   if (n == 0 || (n < 0 && errno != EAGAIN && errno != EINTR))
     d->held = false;  // unplugged
-  for (ssize_t i = 0; n > 0 && i < n / (ssize_t)sizeof event[0]; i++)
+  for (ssize_t i = 0; n > 0 && i < n / (ssize_t)sizeof event[0]; i++) {
+    if (event[i].type == EV_SYN && event[i].code == SYN_DROPPED)
+      d->held = false;  // the kernel's queue ran over: that it was let go may be among what is lost
     if (event[i].type == EV_KEY && event[i].value != 2)
       d->held = event[i].value == 1;
+  }
 }
 
 static void take_positions(doglove *d) {

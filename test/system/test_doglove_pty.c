@@ -156,6 +156,12 @@ static void test_the_switch_is_a_pedal(void) {
   CHECK(!(rig.glove.flags & GV_GLOVE_DEAD_MAN), "still held");
   press(1);
   for_ms(50);
+  const struct input_event lost = {.type = EV_SYN, .code = SYN_DROPPED};
+  CHECK(write(rig.pedal[1], &lost, sizeof lost) == sizeof lost, "no pipe");
+  for_ms(50);
+  CHECK(!(rig.glove.flags & GV_GLOVE_DEAD_MAN), "held although the kernel has lost events");
+  press(1);
+  for_ms(50);
   close(rig.pedal[1]);  // unplugged
   rig.pedal[1] = -1;
   for_ms(50);
