@@ -262,8 +262,13 @@ static bool sticks_or_opens(const gv_newton *s, const gv_newton_limb *limb) {
   return true;
 }
 
-// Its diagonal, its coupling with the other body in both triangles, and its right-hand side.
-static void assemble_limb(gv_newton *s, gv_newton_limb *limb, gv_block *out_mirror) {
+static void add_mirror(gv_block *mirror, const gv_newton_contact *c, const gv_mat3 *N) {
+  const gv_mat3 NT = gv_mat3_transposed(N);
+  add_stiffness(mirror, c->mode.state == GV_NEWTON_SLIDING ? &NT : N, c->arm_a, c->arm_b);
+}
+
+// Its diagonal, its coupling with the other body (in both triangles, where they differ), and its right-hand side.
+static void assemble_limb(gv_newton *s, gv_newton_limb *limb, bool symmetric, gv_block *out_mirror) {
   set_mass(&limb->own, &s->node[limb->node]);
   limb->coupling = *out_mirror = (gv_block){{{0}}};
   limb->right = (gv_six){{0}};
@@ -271,17 +276,14 @@ static void assemble_limb(gv_newton *s, gv_newton_limb *limb, gv_block *out_mirr
     const gv_newton_contact *c = &s->contact[s->of_limb[limb->first + k]];
     if (c->mode.state == GV_NEWTON_OPEN)
       continue;
-    const gv_mat3 N = negative(&c->stiffness);
-    const gv_mat3 NT = gv_mat3_transposed(&N);
     add_stiffness(&limb->own, &c->stiffness, c->arm_a, c->arm_a);
     add_row(limb->right.m, first_impulse(c), c->arm_a);
     if (limb->other < 0)
       continue;
+    const gv_mat3 N = negative(&c->stiffness);
     add_stiffness(&limb->coupling, &N, c->arm_a, c->arm_b);
-    if (c->mode.state == GV_NEWTON_SLIDING)
-      add_stiffness(out_mirror, &NT, c->arm_a, c->arm_b);
-    else
-      add_stiffness(out_mirror, &N, c->arm_a, c->arm_b);
+    if (!symmetric)
+      add_mirror(out_mirror, c, &N);
     add_to_schur(limb, c);
   }
 }
@@ -297,15 +299,16 @@ static bool eliminate_limb(gv_newton *s, gv_newton_limb *limb) {
       add_to_schur(limb, c);
     return true;
   }
+  const bool symmetric = sticks_or_opens(s, limb);
   gv_block mirror;
-  assemble_limb(s, limb, &mirror);
+  assemble_limb(s, limb, symmetric, &mirror);
   if (!gv_block_factor(&limb->own))
     return false;
   gv_block_forward(&limb->own, &limb->right);
   if (limb->other < 0)
     return true;
   gv_block_divide_by_lower(&limb->own, &limb->coupling);
-  if (sticks_or_opens(s, limb))
+  if (symmetric)
     gv_block_scale_by_pivots(&limb->own, &limb->coupling, &mirror);
   else
     gv_block_divide_by_upper(&limb->own, &mirror);
