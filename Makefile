@@ -516,13 +516,13 @@ install: $(PROGRAMS:%=$(B)/%) library man
 	$(Q)$(call put,644,data/install/gloved.rules,lib/udev/rules.d/70-gloved.rules)
 	$(Q)$(call put,644,data/install/gloved.sysusers,lib/sysusers.d/gloved.conf)
 	$(Q)$(call put,644,data/install/gloved.completion,share/bash-completion/completions/gloved)
-	$(Q)for p in $(filter-out gloved,$(PROGRAMS)); do ln -sf gloved "$(DESTDIR)$(PREFIX)/share/bash-completion/completions/$$p"; done
+	$(Q)for p in $(filter-out gloved,$(MANUALS)); do ln -sf gloved "$(DESTDIR)$(PREFIX)/share/bash-completion/completions/$$p"; done
 
 ## uninstall: removes what install put there (the same PREFIX and DESTDIR)
 uninstall:
 	$(Q)cd "$(DESTDIR)$(PREFIX)" && rm -rf $(PROGRAMS:%=bin/%) $(SCRIPTS:%=bin/%) $(MANUALS:%=share/man/man1/%.1) include/gloved $(LIBDIR)/libgloved.a \
 	  $(LIBDIR)/$(SONAME) $(LIBDIR)/libgloved.so lib/gloved $(SHARE) $(LIBDIR)/pkgconfig/gloved.pc lib/systemd/system/gloved.service \
-	  lib/udev/rules.d/70-gloved.rules lib/sysusers.d/gloved.conf $(PROGRAMS:%=share/bash-completion/completions/%)
+	  lib/udev/rules.d/70-gloved.rules lib/sysusers.d/gloved.conf $(MANUALS:%=share/bash-completion/completions/%)
 
 ## dist: an archive of this version, with its commit in it: build/gloved-VERSION.tar.gz
 dist:

@@ -30,6 +30,8 @@ for program in "$tree"/bin/*; do
   "$program" --version > "$tmp/out" 2> "$tmp/err"; code=$?
   [ $code -eq 0 ] && [ "$(wc -l < "$tmp/out")" -eq 1 ] && grep -qE "^$name [0-9.]+ \([0-9a-f]{7,}\+?\)\$" "$tmp/out" && [ ! -s "$tmp/err" ]
   verdict "version_of_$name" $? "exit $code: $(cat "$tmp/out" "$tmp/err")"
+  completion=$tree/share/bash-completion/completions/$name
+  [ -s "$completion" ] && bash -c '. "$1"; complete -p "$2"' - "$completion" "$name" > /dev/null 2>&1; verdict "completion_of_$name" $?
   page=$tree/share/man/man1/$name.1
   [ "$(sed -n '/^.SH NAME/{n;p;q}' "$page" | tr -d '\\' | cut -d' ' -f-2)" = "$name -" ] && [ "$(grep -c '^\.SH' "$page")" -ge 3 ]
   verdict "manual_of_$name" $? "$(head -n 5 "$page")"
