@@ -56,7 +56,7 @@ static void check_laws(const char *scene) {
         w->closing_m_s);
   // Many pieces that lie flat on the table share their friction in many ways: a few
   // steps on the way to the grasp.
-  CHECK(by_others <= steps / 50 && softened <= steps / 25, "%s: %ld left to ODE, %ld softened", scene,
+  CHECK(by_others <= steps / 500 && softened <= steps / 500, "%s: %ld left to ODE, %ld softened", scene,
         by_others, softened);
   CHECK(w->outside_n < 1e-4, "%s: friction %g N beyond the cone", scene, w->outside_n);
   CHECK(w->creep_m_s < 1e-5, "%s: slips at %g m/s below the bound", scene, w->creep_m_s);
