@@ -7,6 +7,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "gloved/drivers.h"
+
 #include "daemon/load/config_load.h"
 #include "daemon/load/scene_load.h"
 #include "tools/grasp/grasp.h"
@@ -16,7 +18,8 @@ static const char help[] =
     "gloved-grasp: finds a posture and a place for the hand that hold an object, and writes the user's "
     "script.\n"
     "\n"
-    "  gloved-grasp SCENE [-o FILE] [OPTION...]\n"
+    "  gloved-grasp SCENE [-o FILE] [OPTION...]        (SCENE: a file, or the name of a scene that comes "
+    "with gloved)\n"
     "      The simulated user takes the object from directions and heights all around it, with a fist, a "
     "clasp or\n"
     "      fingertips, lifts it by 150 mm and holds it: device, safety machine, limiter and engine as they "
@@ -25,7 +28,7 @@ static const char help[] =
     "direction is\n"
     "      held for three seconds more and written. The same scene, seed and version give the same script.\n"
     "  -o FILE        the script (default: standard output), for --fcu sim:FILE and fcusim --script FILE\n"
-    "  --object NAME  which one (default: the first that is not static)\n"
+    "  --object NAME  which one (default: the first that is neither static nor on a joint)\n"
     "  --seed N       of the sequence of candidates, 0 to 999 (default 0)\n"
     "  --tries N      candidates that are simulated at most, 1 to 10000 (default 300)\n"
     "  --enough N     grasps that hold to choose from, 1 to 100 (default 3)\n"
@@ -108,22 +111,30 @@ static bool read_options(int argc, char **argv, options *out) {
   return out->scene != NULL;
 }
 
+static bool hangs_on_a_joint(const gv_scene *scene, int object) {
+  for (int i = 0; i < scene->joint_count; i++)
+    if (scene->joint[i].object_a == object || scene->joint[i].object_b == object)
+      return true;
+  return false;
+}
+
 // The object to grasp; -1, and it was said why, where there is none.
 static int choose_object(const gv_scene *scene, const options *o) {
   for (int i = 0; i < scene->object_count; i++) {
-    const bool wanted = o->object ? strcmp(scene->object[i].name, o->object) == 0
-                                  : !scene->object[i].is_static;
-    if (!wanted)
-      continue;
-    if (!scene->object[i].is_static)
+    const bool fixed = scene->object[i].is_static || hangs_on_a_joint(scene, i);
+    const bool named = o->object && strcmp(scene->object[i].name, o->object) == 0;
+    if (fixed && named) {
+      const char *why = scene->object[i].is_static ? "is static" : "hangs on a joint";
+      fail(2, "%s: \"%s\" %s and cannot be lifted; give another --object", o->scene, o->object, why);
+      return -1;
+    }
+    if (named || (!o->object && !fixed))
       return i;
-    fail(2, "%s: \"%s\" is static and cannot be lifted; give another --object", o->scene, o->object);
-    return -1;
   }
   if (o->object)
     fail(2, "%s: no object is named \"%s\"; give one of its names", o->scene, o->object);
   else
-    fail(2, "%s: all its objects are static; add one with a mass", o->scene);
+    fail(2, "%s: all its objects are static or hang on joints; add one with a mass", o->scene);
   return -1;
 }
 
@@ -144,7 +155,8 @@ static int look_for(grasp_search *search, const options *o, found out[FOUND_MAX]
     if (!f->result.held)
       continue;
     fprintf(stderr,
-            "gloved-grasp: candidate %d holds (%d tried): resists %.2f N a newton, slip %.4f mm, %d limbs\n",
+            "gloved-grasp: candidate %d holds (%d tried): resists %.2f of a contact's force from any side, "
+            "slip %.4f mm, %d limbs\n",
             number, tries, f->result.wrench_n, f->result.slip_m * 1e3, f->result.limbs);
     f->failed_proof = false;
     last = tries;
@@ -240,6 +252,9 @@ int main(int argc, char **argv) {
     return fail(2, "%zu bytes of memory are not there; close other programs", scene_memory);
   gv_arena_init(&arena, memory, scene_memory);
   gv_settings_default(&settings);
+  char path[GV_SETTING_TEXT];
+  if (gv_data_path(o.scene, "scenes", ".scene", path, sizeof path))
+    o.scene = path;
   int code = 2;
   if (gv_scene_load(o.scene, &arena, &scene, err, sizeof err)) {
     fail(2, "%s", err);

@@ -96,8 +96,9 @@ def test_bad_input_is_answered_with_a_line():
     table = path("table.scene", f"version = 1;\nobjects = ( {TABLE} );\n")
     scene = scene_of("ball")
     wrong = path("wrong.scene", 'version = 1;\nobjects = ( { name = "a"; mass = 1; sphere = 0.1; } );\n')
-    for words, wanted in (([], "which scene?"), ([table], "all its objects are static"), ([scene, "--object", "x"], "no object is named"),
-                          ([scene, "--object", "table"], "is static"), ([scene, "--seed", "x"], "--seed wants a whole number"),
+    for words, wanted in (([], "which scene?"), ([table], "all its objects are static or hang"), ([scene, "--object", "x"], "no object is named"),
+                          ([scene, "--object", "table"], "is static"),
+                          (["lever", "--object", "lever"], "hangs on a joint"), ([scene, "--seed", "x"], "--seed wants a whole number"),
                           ([scene, "--tries"], "--tries wants"), ([scene, "--fast"], "is not understood"), ([wrong], "unknown setting 'sphere'"),
                           ([path("none.scene")], "cannot open"), ([scene, "--enough", "1", "-o", "/nowhere/x.user"], "cannot write")):
         done, _ = grasp(*words, code=2)

@@ -124,8 +124,12 @@ static void test_depth_against_a_sweep_of_the_true_shape(void) {
     double off = 0;
     int deep = 0;
     for (int i = 0; i < 120; i++) {
-      sweep s = {kind, i % 2 ? palm : limb, {draw_rotation(), {0, 0, 0}}, {draw_rotation(), draw_vector(1)}};
-      s.A.p = gv_mad(s.B.p, draw(0, 0.1), draw_unit());
+      sweep s = {.kind = kind, .a = i % 2 ? palm : limb};
+      s.A.q = draw_rotation();  // one after the other, so that every compiler draws the same poses
+      s.B.q = draw_rotation();
+      s.B.p = draw_vector(1);
+      const double away = draw(0, 0.1);
+      s.A.p = gv_mad(s.B.p, away, draw_unit());
       gv_pair_cache cache = {.corners = 0};
       gv_distance d;
       gv_distance_pair(GV_NARROW_CORE, &(gv_pair){&s.a, &s.A, &b, &s.B}, 1, &cache, &d);
