@@ -89,6 +89,23 @@ def check_bad_input(folder):
     verdict("bad_input_is_answered", bad[0] if bad else "")
 
 
+def check_as_printed(folder):
+    """gloved-plot and log-to-trace as the pages print them, from a folder of somebody else's; relative names are that folder's."""
+    tools = os.path.abspath("tools")
+    run = subprocess.run([tools + "/gloved-plot", "a.lcm", "--out", "here"], cwd=folder, capture_output=True, text=True)
+    page = os.path.join(folder, "here", "index.html")
+    text = open(page).read() if os.path.exists(page) else ""
+    verdict("gloved_plot_runs_from_anywhere", "" if run.returncode == 0 and "made by" in text and "box.scene (" in text else f"{run}")
+    run = subprocess.run([sys.executable, tools + "/log_to_trace.py", "a.lcm", "a.log"], cwd=folder, capture_output=True, text=True)
+    good = run.returncode == 0 and os.path.exists(folder + "/a.log") and os.path.exists(folder + "/a.log.about")
+    verdict("log_to_trace_runs_from_anywhere", "" if good else f"{run}")
+    if not os.path.exists("build/venv-look/.done"):
+        print("skip log_to_trace_as_printed: its Python environment is not made yet, and a test fetches nothing; make look makes it")
+        return
+    run = subprocess.run([tools + "/log-to-trace", "a.lcm", "b.log"], cwd=folder, capture_output=True, text=True)
+    verdict("log_to_trace_as_printed", "" if run.returncode == 0 and open(folder + "/a.log").read() == open(folder + "/b.log").read() else f"{run}")
+
+
 def main():
     if not os.path.exists(PYTHON):
         print("skip test_plot: build/venv-plot is missing (make test builds it)")
@@ -101,6 +118,7 @@ def main():
                             "--log", f"{folder}/{name}.lcm"], stdout=subprocess.DEVNULL, check=True)
         run = plot(f"{folder}/a.lcm")
         verdict("one_command_makes_all", "" if run.returncode == 0 and run.stdout.strip().endswith("a-plots/index.html") else run.stderr)
+        check_as_printed(folder)
         subprocess.run(["lcm-gen", "-p", "--ppath", folder, *sorted(glob.glob("data/lcm/*.lcm"))], check=True, stdout=subprocess.DEVNULL)
         sys.path.insert(0, folder)
         import gloved
