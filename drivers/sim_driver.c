@@ -61,10 +61,13 @@ static int apply_option(sim_driver *d, char *option, uint64_t *seed, char *err, 
   char *end = value;
   if (option[0] == 's')
     *seed = strtoull(value, &end, 10);
-  else if (strcmp(value, "best") == 0)
-    d->script.device = gv_sim_device_best(), end = value + 4;
-  else if (strcmp(value, "real") == 0)
-    d->script.device = gv_sim_device_real(), end = value + 4;
+  else if (strcmp(value, "best") == 0) {
+    d->script.device = gv_sim_device_best();
+    end = value + 4;
+  } else if (strcmp(value, "real") == 0) {
+    d->script.device = gv_sim_device_real();
+    end = value + 4;
+  }
   if (*value && *end == '\0' && (option[0] == 'd' || *seed > 0))
     return 0;
   snprintf(err, err_size, "sim: %s=%.40s; write device=best, device=real or seed=N with N above 0", option,

@@ -179,11 +179,13 @@ static int parse_keyframe(parser *p) {
   while (p->at < p->words) {
     uint32_t set = 0;
     int error;
-    if (take(p, "posture"))
-      posed = true, error = apply_posture(p, key);
-    else if (take(p, "wrist"))
-      placed = true, error = read_pose(p, &key->T_world_wrist);
-    else if (take(p, "dead_man"))
+    if (take(p, "posture")) {
+      posed = true;
+      error = apply_posture(p, key);
+    } else if (take(p, "wrist")) {
+      placed = true;
+      error = read_pose(p, &key->T_world_wrist);
+    } else if (take(p, "dead_man"))
       error = parse_switch(p, &key->dead_man);
     else
       error = read_angle(p, &set, key->angle_rad);

@@ -105,12 +105,7 @@ static int set_device(gv_sim_device *device, const char *value) {
 }
 
 static int read_number(const char *option, const char *value, double min, double max, double *out) {
-  char *end;
-  *out = strtod(value, &end);
-  if (end != value && !*end && *out >= min && *out <= max)
-    return 0;
-  fprintf(stderr, "fcusim: %s is \"%s\"; give a number from %g to %g\n", option, value, min, max);
-  return 2;
+  return program_number("fcusim", option, value, min, max, out);
 }
 
 // The script first, so that --device changes what it says, whatever their order.

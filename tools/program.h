@@ -1,11 +1,12 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// What every program answers: --help (or -h) and --version, on standard output. Its text
-// opens with "NAME: what it is".
+// What every program does with its command line. It answers --help (or -h) and --version on standard output:
+// its text opens with "NAME: what it is".
 #ifndef GLOVED_TOOLS_PROGRAM_H
 #define GLOVED_TOOLS_PROGRAM_H
 
 #include <stdbool.h>
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 
 #include "gloved/version.h"
@@ -22,6 +23,17 @@ static inline bool program_answers(int argc, char **argv, const char *help) {
     return false;
   fputs(help, stdout);
   return true;
+}
+
+// The number that an option wants. 0, or 2 with a line on standard error.
+static inline int program_number(const char *program, const char *option, const char *value, double min,
+                                 double max, double *out) {
+  char *end;
+  *out = strtod(value, &end);
+  if (end != value && !*end && *out >= min && *out <= max)
+    return 0;
+  fprintf(stderr, "%s: %s is \"%s\"; give a number from %g to %g\n", program, option, value, min, max);
+  return 2;
 }
 
 #endif

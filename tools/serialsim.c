@@ -83,13 +83,8 @@ static int fail(const char *what, const char *which) {
   return 2;
 }
 
-static int read_number(const char *name, const char *value, double min, double max, double *out) {
-  char *end;
-  *out = strtod(value, &end);
-  if (end != value && !*end && *out >= min && *out <= max)
-    return 0;
-  fprintf(stderr, "serialsim: %s is \"%s\"; give a number from %g to %g\n", name, value, min, max);
-  return 2;
+static int read_number(const char *option, const char *value, double min, double max, double *out) {
+  return program_number("serialsim", option, value, min, max, out);
 }
 
 static int set_device(const char *value) {

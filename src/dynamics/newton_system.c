@@ -267,7 +267,8 @@ static void add_mirror(gv_block *mirror, const gv_newton_contact *c, const gv_ma
   add_stiffness(mirror, c->mode.state == GV_NEWTON_SLIDING ? &NT : N, c->arm_a, c->arm_b);
 }
 
-// Its diagonal, its coupling with the other body (in both triangles, where they differ), and its right-hand side.
+// Its diagonal, its coupling with the other body (in both triangles, where they
+// differ), and its right-hand side.
 static void assemble_limb(gv_newton *s, gv_newton_limb *limb, bool symmetric, gv_block *out_mirror) {
   set_mass(&limb->own, &s->node[limb->node]);
   limb->coupling = *out_mirror = (gv_block){{{0}}};

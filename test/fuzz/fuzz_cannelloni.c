@@ -52,8 +52,10 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
   int count = gv_cannelloni_unpack(data, size, &seq, frame, GV_CANNELLONI_MAX_FRAMES);
   if (count < 0)
     return 0;
-  for (int i = 0; i < count; i++)
-    decode_message(&frame[i]), decode_mended(frame[i]);
+  for (int i = 0; i < count; i++) {
+    decode_message(&frame[i]);
+    decode_mended(frame[i]);
+  }
   int written = gv_cannelloni_pack(seq, frame, count, bytes, sizeof bytes);
   if (size > sizeof bytes)
     return 0;

@@ -24,8 +24,10 @@ static void pack(const char *kind, const double *v, gv_frame *out) {
   gv_command_msg c = {g.counter, g.flags, g.stamp_us, g.age_us, {0}, (uint16_t)v[9]};
   for (int i = 0; i < GV_SENSORS; i++)
     g.raw[i] = (uint16_t)v[4 + i];
-  for (int i = 0; i < GV_FINGERS; i++)
-    s.tension_n[i] = v[5 + i], c.tension_n[i] = v[4 + i];
+  for (int i = 0; i < GV_FINGERS; i++) {
+    s.tension_n[i] = v[5 + i];
+    c.tension_n[i] = v[4 + i];
+  }
   if (strcmp(kind, "glove") == 0)
     gv_fcu_pack_glove(&g, out);
   else if (strcmp(kind, "pose") == 0)

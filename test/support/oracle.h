@@ -63,8 +63,10 @@ static inline void body_pick_witnesses(body *o) {
     gv_vec3 d = gv_v3(c * sqrt(1 - z * z), s * sqrt(1 - z * z), z);
     o->witness[k] = k;
     for (int i = 0; i < o->s.vertices && o->s.vertices > WITNESSES; i++)
-      if (gv_dot(o->s.v[i], d) > high)
-        high = gv_dot(o->s.v[i], d), o->witness[k] = i;
+      if (gv_dot(o->s.v[i], d) > high) {
+        high = gv_dot(o->s.v[i], d);
+        o->witness[k] = i;
+      }
   }
 }
 

@@ -49,7 +49,9 @@ static inline void solid_from_box(gv_vec3 h, solid *s) {
   static const int quad[6][4] = {{0, 4, 6, 2}, {1, 3, 7, 5}, {0, 1, 5, 4},
                                  {2, 6, 7, 3}, {0, 2, 3, 1}, {4, 5, 7, 6}};
   static const double normal[6][3] = {{-1, 0, 0}, {1, 0, 0}, {0, -1, 0}, {0, 1, 0}, {0, 0, -1}, {0, 0, 1}};
-  s->vertices = 8, s->faces = 6, s->edges = 0;
+  s->vertices = 8;
+  s->faces = 6;
+  s->edges = 0;
   for (int i = 0; i < 8; i++)
     s->v[i] = gv_v3(i & 1 ? h.x : -h.x, i & 2 ? h.y : -h.y, i & 4 ? h.z : -h.z);
   for (int f = 0; f < 6; f++) {
@@ -61,12 +63,16 @@ static inline void solid_from_box(gv_vec3 h, solid *s) {
   s->start[6] = 24;
   for (int i = 0; i < 8; i++)
     for (int b = 1; b < 8; b *= 2)
-      if (!(i & b))
-        s->edge[s->edges][0] = i, s->edge[s->edges++][1] = i | b;
+      if (!(i & b)) {
+        s->edge[s->edges][0] = i;
+        s->edge[s->edges++][1] = i | b;
+      }
 }
 
 static inline void solid_from_hull(const gv_hull *h, solid *s) {
-  s->vertices = h->vertex_count, s->faces = h->face_count, s->edges = 0;
+  s->vertices = h->vertex_count;
+  s->faces = h->face_count;
+  s->edges = 0;
   for (int i = 0; i < h->vertex_count; i++)
     s->v[i] = h->vertex[i];
   for (int f = 0; f < h->face_count; f++) {
@@ -77,13 +83,19 @@ static inline void solid_from_hull(const gv_hull *h, solid *s) {
       int i = h->face_vertex[h->face_start[f] + k];
       int j = h->face_vertex[h->face_start[f] + (k + 1) % sides];
       s->corner[h->face_start[f] + k] = i;
-      if (i < j)
-        s->edge[s->edges][0] = i, s->edge[s->edges++][1] = j;
+      if (i < j) {
+        s->edge[s->edges][0] = i;
+        s->edge[s->edges++][1] = j;
+      }
     }
   }
   s->start[h->face_count] = h->face_start[h->face_count];
-  if (h->vertex_count == 2)
-    s->edge[0][0] = 0, s->edge[0][1] = 1, s->edges = 1;  // a capsule
+  if (h->vertex_count == 2) {
+    // a capsule
+    s->edge[0][0] = 0;
+    s->edge[0][1] = 1;
+    s->edges = 1;
+  }
 }
 
 static inline void solid_of(const gv_shape *shape, const gv_pose *T, solid *s) {
@@ -92,9 +104,14 @@ static inline void solid_of(const gv_shape *shape, const gv_pose *T, solid *s) {
   if (shape->kind == GV_CORE_BOX)
     solid_from_box(shape->half, s);
   if (shape->kind == GV_CORE_SEGMENT) {
-    s->vertices = 2, s->faces = 0, s->edges = 1, s->start[0] = 0;
-    s->v[0] = gv_v3(-shape->half.x, 0, 0), s->v[1] = gv_v3(shape->half.x, 0, 0);
-    s->edge[0][0] = 0, s->edge[0][1] = 1;
+    s->vertices = 2;
+    s->faces = 0;
+    s->edges = 1;
+    s->start[0] = 0;
+    s->v[0] = gv_v3(-shape->half.x, 0, 0);
+    s->v[1] = gv_v3(shape->half.x, 0, 0);
+    s->edge[0][0] = 0;
+    s->edge[0][1] = 1;
   }
   for (int i = 0; i < s->vertices; i++)
     s->v[i] = gv_transform(*T, s->v[i]);
@@ -116,10 +133,14 @@ static inline double overlap_along(const solid *a, const solid *b, gv_vec3 n) {
 // Keeps h along n where it is the least so far, and the least of the other directions.
 static inline void oracle_keep(oracle *o, gv_vec3 n, double h) {
   if (gv_dot(n, o->normal) > 0.99999) {  // the same direction, about
-    if (h < -o->distance)
-      o->distance = -h, o->normal = n;
+    if (h < -o->distance) {
+      o->distance = -h;
+      o->normal = n;
+    }
   } else if (h < -o->distance) {
-    o->second = -o->distance, o->distance = -h, o->normal = n;
+    o->second = -o->distance;
+    o->distance = -h;
+    o->normal = n;
   } else {
     o->second = fmin(o->second, h);
   }
@@ -155,8 +176,10 @@ static inline oracle oracle_overlap(const solid *a, const solid *b) {
 
 static inline void oracle_nearer(oracle *o, gv_vec3 from_b_to_a) {
   double d = gv_norm(from_b_to_a);
-  if (d < o->distance)
-    o->distance = d, o->normal = gv_normalize_or(from_b_to_a, gv_v3(0, 0, 1));
+  if (d < o->distance) {
+    o->distance = d;
+    o->normal = gv_normalize_or(from_b_to_a, gv_v3(0, 0, 1));
+  }
 }
 
 static inline gv_vec3 nearest_on_edge(gv_vec3 p, gv_vec3 a, gv_vec3 b) {
@@ -177,8 +200,10 @@ static inline void oracle_vertex_face(oracle *o, const solid *s, int f, gv_vec3 
     if (gv_dot(gv_cross(gv_sub(d, c), gv_sub(foot, c)), s->n[f]) < 0)
       return;
   }
-  if (height < o->distance)
-    o->distance = height, o->normal = gv_scale(s->n[f], sign);
+  if (height < o->distance) {
+    o->distance = height;
+    o->normal = gv_scale(s->n[f], sign);
+  }
 }
 
 static inline void oracle_edges(oracle *o, const solid *a, int i, const solid *b, int k) {
@@ -238,8 +263,10 @@ static inline void build_round_hull(int count, gv_vec3 radius, void *mem, size_t
     p[i] = gv_v3(u.x * radius.x, u.y * radius.y, u.z * radius.z);
   }
   int error = gv_hull_build(&arena, p, count, out);
-  if (error)
-    printf("round hull: %s\n", gv_hull_error(error)), exit(1);
+  if (error) {
+    printf("round hull: %s\n", gv_hull_error(error));
+    exit(1);
+  }
 }
 
 static inline void build_box_hull(gv_vec3 h, void *mem, size_t size, gv_hull *out) {
@@ -249,8 +276,10 @@ static inline void build_box_hull(gv_vec3 h, void *mem, size_t size, gv_hull *ou
   for (int i = 0; i < 8; i++)
     p[i] = gv_v3(i & 1 ? h.x : -h.x, i & 2 ? h.y : -h.y, i & 4 ? h.z : -h.z);
   int error = gv_hull_build(&arena, p, 8, out);
-  if (error)
-    printf("box hull: %s\n", gv_hull_error(error)), exit(1);
+  if (error) {
+    printf("box hull: %s\n", gv_hull_error(error));
+    exit(1);
+  }
 }
 
 #endif

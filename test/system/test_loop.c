@@ -142,8 +142,10 @@ static void test_ring_between_two_threads(void) {
     gv_ring_release(&ring);
   }
   pthread_join(writer, NULL);
-  while (gv_ring_peek(&ring))
-    gv_ring_release(&ring), seen++;
+  while (gv_ring_peek(&ring)) {
+    gv_ring_release(&ring);
+    seen++;
+  }
   CHECK(seen + gv_ring_dropped(&ring) == PUSHED, "%d seen, %d dropped", (int)seen,
         (int)gv_ring_dropped(&ring));
 }

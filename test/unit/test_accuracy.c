@@ -257,7 +257,8 @@ static void check_answer(const query *q, const oracle *o, const gv_distance *d, 
   const limits *limit = &limits_of[asked];
   bool missed = d->method == GV_DISTANCE_BEYOND || (core > limit->apart && o->distance < 0) ||
                 (core < 0 && o->distance > limit->apart);
-  w->not_finite += !finite, w->misses += missed;
+  w->not_finite += !finite;
+  w->misses += missed;
   CHECK(finite && !missed, "pose %d, %s cache: distance %g, true %g, method %d", q->number, q->cache, core,
         o->distance, (int)d->method);
   if (!finite || missed)
@@ -300,8 +301,10 @@ static gv_pair_cache draw_cache(void) {
                      .vertex_a = (uint16_t)draw(0, 60000),
                      .vertex_b = (uint16_t)draw(0, 60000),
                      .corners = (uint16_t)draw(0, 5)};
-  for (int k = 0; k < 3; k++)
-    c.corner_a[k] = (uint16_t)draw(0, 9), c.corner_b[k] = (uint16_t)draw(0, 9);
+  for (int k = 0; k < 3; k++) {
+    c.corner_a[k] = (uint16_t)draw(0, 9);
+    c.corner_b[k] = (uint16_t)draw(0, 9);
+  }
   c.overlap = (uint8_t)draw(0, 2);
   return c;
 }
@@ -312,8 +315,11 @@ static query draw_query(int type, int i) {
   static int of_type = -1;
   query q = {
     .a = shape_of(pair[type][0]), .b = shape_of(pair[type][1]), .body_a = &a, .body_b = &b, .number = i};
-  if (of_type != type)
-    body_init(&a, &q.a), body_init(&b, &q.b), of_type = type;
+  if (of_type != type) {
+    body_init(&a, &q.a);
+    body_init(&b, &q.b);
+    of_type = type;
+  }
   polyhedra_seed = 0x9e3779b97f4a7c15ULL * (unsigned long long)(i + 1) + (unsigned long long)type;
   for (int k = 0; k < 3; k++)
     (void)draw(0, 1);
@@ -453,7 +459,8 @@ static void test_poses_that_were_wrong(void) {
   for (size_t i = 0; i < sizeof once_wrong / sizeof once_wrong[0]; i++) {
     const known_pose *k = &once_wrong[i];
     query q = draw_query(find_type(k->a, k->b), k->number);
-    q.A = k->A, q.B = k->B;
+    q.A = k->A;
+    q.B = k->B;
     ask_query(&q, &w);
   }
 }
@@ -465,7 +472,9 @@ static void test_poses_that_were_wrong(void) {
 static gv_pose slide_pose(const gv_shape *a, const gv_shape *b, const gv_pose *B, int i, double low,
                           double high) {
   double t = i * GV_PI / 1800, s, c, s2, c2, s3, c3;
-  gv_sincos(t, &s, &c), gv_sincos(0.37 * t, &s2, &c2), gv_sincos(0.23 * t, &s3, &c3);
+  gv_sincos(t, &s, &c);
+  gv_sincos(0.37 * t, &s2, &c2);
+  gv_sincos(0.23 * t, &s3, &c3);
   gv_vec3 d = gv_normalize_or(gv_v3(c, s, 0.8 * s2), gv_v3(1, 0, 0));
   gv_pose T = gv_pose_mul(*B, (gv_pose){gv_quat_exp(gv_v3(s2, c3, 0.5 * c2)), gv_scale(d, 0.1)});
   gv_pair_cache cold = {.corners = 0};
@@ -512,7 +521,8 @@ static void run_slide(int kind_a, int kind_b, double low, double high, double *i
   double normal2 = 0;
   double depth2 = 0;
   bool follows = false;
-  body_init(&body_a, &q.a), body_init(&body_b, &q.b);
+  body_init(&body_a, &q.a);
+  body_init(&body_b, &q.b);
   for (int i = 0; i < FRAMES; i++) {
     gv_distance d;
     q.A = slide_pose(&q.a, &q.b, &q.B, i, low, high);
@@ -562,7 +572,8 @@ static void test_oracle_against_brute_force(void) {
     gv_shape sa = i % 3 ? shape_of(i % 3 == 1 ? LIMB : PALM) : shape_of(small[i % 5]);
     gv_shape sb = shape_of(small[i / 5 % 5]);
     gv_pose A, B, here = gv_pose_identity();
-    body_init(&a, &sa), body_init(&b, &sb);
+    body_init(&a, &sa);
+    body_init(&b, &sb);
     draw_poses(&a, &b, &A, &B);
     draw_gap(&sa, &A, &sb, &B);
     A = gv_pose_mul(gv_pose_inv(B), A);
@@ -588,10 +599,14 @@ int main(int argc, char **argv) {
   bool known = argc < 2;
   for (int type = PAIRS - 1; argc == 2 && type >= 0; type--) {  // those that take longest first
     type_name(type, name);
-    if (strcmp(argv[1], "--list") == 0)
-      puts(name), known = true;
-    if (strcmp(argv[1], name) == 0)
-      wanted_type = type, known = true;
+    if (strcmp(argv[1], "--list") == 0) {
+      puts(name);
+      known = true;
+    }
+    if (strcmp(argv[1], name) == 0) {
+      wanted_type = type;
+      known = true;
+    }
   }
   if (!known || argc > 2) {
     fprintf(stderr, "test_accuracy: unknown pair type %s: see test_accuracy --list\n", argv[1]);

@@ -331,7 +331,8 @@ static figures run(int rows, double filter_hz) {
         out[sensor_of[(int)check_uniform(&r, 0, 12)]] += 0.49;
       gv_sample s = glove_at(out);
       f.held += gv_condition_sample(&c, &cfg, &s, &limited);
-      f.jumps += jump, f.samples++;
+      f.jumps += jump;
+      f.samples++;
     }
     gv_condition_step(&c, &cfg);
     memcpy(history[i % 100], c.angle, sizeof c.angle);

@@ -231,8 +231,10 @@ static double friction_force(const gv_friction_pair *pair, gv_friction of_box, d
   l.object[0].material = 2;
   l.object[box].material = 3;
   l.object[box].friction = of_box;
-  if (pair)
-    l.scene.friction_pair = pair, l.scene.friction_pair_count = 1;
+  if (pair) {
+    l.scene.friction_pair = pair;
+    l.scene.friction_pair_count = 1;
+  }
   lab_run(&l);
   lab_steps(&l, 500, NULL);
   for (int i = 0; i < 500; i++) {

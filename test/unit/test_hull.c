@@ -195,7 +195,8 @@ static void test_errors(void) {
   for (int i = 0; i < 65; i++) {
     double s, c;
     gv_sincos(2 * GV_PI * i / 65, &s, &c);
-    points[2 * i] = gv_v3(c, s, 0), points[2 * i + 1] = gv_v3(c, s, 1);
+    points[2 * i] = gv_v3(c, s, 0);
+    points[2 * i + 1] = gv_v3(c, s, 1);
   }
   CHECK(build(130, &h) == GV_HULL_POLYGON, "a face of 65 corners");
   for (int e = 0; e >= GV_HULL_DEGENERATE; e--)
@@ -219,7 +220,9 @@ static void test_mass_of_a_box(void) {
 // about the centre, per mass.
 static void test_mass_of_a_tetrahedron(void) {
   gv_hull h;
-  points[0] = gv_v3(0, 0, 0), points[1] = gv_v3(1, 0, 0), points[2] = gv_v3(0, 1, 0),
+  points[0] = gv_v3(0, 0, 0);
+  points[1] = gv_v3(1, 0, 0);
+  points[2] = gv_v3(0, 1, 0);
   points[3] = gv_v3(0, 0, 1);
   CHECK(build(4, &h) == 0, "builds");
   gv_mass_properties m = gv_hull_mass_properties(&h);

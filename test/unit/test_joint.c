@@ -296,8 +296,10 @@ static void test_limits_are_not_passed(void) {
     gv_joint *hinge = hold(GV_JOINT_HINGE, lever, GV_WORLD, y_axis(), gv_v3(0, 0, 1));
     gv_joint *slider = hold(GV_JOINT_SLIDER, drawer, GV_WORLD, gv_quat_identity(), gv_v3(0, 1, 1));
     hinge->has_limits = slider->has_limits = true;
-    hinge->low = -0.2, hinge->high = 0.5;
-    slider->low = -0.01, slider->high = 0.15;
+    hinge->low = -0.2;
+    hinge->high = 0.5;
+    slider->low = -0.01;
+    slider->high = 0.15;
     lab_run(&l);
     gv_engine_set_object(l.engine, drawer, gv_engine_object_pose(l.engine, drawer), gv_v3(0.5, 0, 0),
                          gv_v3(0, 0, 0));

@@ -52,7 +52,8 @@ static void in_a_child(const char *what, void (*ask)(void)) {
   pid_t child = fork();
   if (child == 0) {
     struct rlimit memory = {256 << 20, 256 << 20}, cores = {0, 0};
-    setrlimit(RLIMIT_AS, &memory), setrlimit(RLIMIT_CORE, &cores);
+    setrlimit(RLIMIT_AS, &memory);
+    setrlimit(RLIMIT_CORE, &cores);
     alarm(5);
     printf("  libccd, %s: ", what);
     fflush(stdout);
@@ -114,8 +115,10 @@ static box touching(int k) {
     a.T.p = gv_v3(2, 2, 2);
   if (k == 3)
     a.T.q = gv_quat_axis_angle(gv_v3(0, 0, 1), GV_PI / 4);
-  if (k == 4)
-    a.half = gv_v3(0.5, 1, 1), a.T.p = gv_v3(0.25, 0.5, 2);
+  if (k == 4) {
+    a.half = gv_v3(0.5, 1, 1);
+    a.T.p = gv_v3(0.25, 0.5, 2);
+  }
   return a;
 }
 
@@ -170,8 +173,9 @@ static void ask_grid(void) {
     if (depth < 0)
       continue;
     answer r = ask_libccd(&a, &b, 1e-10);
-    pairs++, failed += r.code != 0 && depth > 1e-6,
-        no_direction += r.code == 0 && !(gv_norm(r.direction) > 0.5);
+    pairs++;
+    failed += r.code != 0 && depth > 1e-6;
+    no_direction += r.code == 0 && !(gv_norm(r.direction) > 0.5);
     wrong += r.code == 0 && !(fabs(r.depth - depth) < 1e-5);
   }
   printf("of %d pairs that touch or overlap: %d successes without a direction, %d with another depth, %d "

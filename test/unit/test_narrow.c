@@ -49,15 +49,20 @@ static double sweep_depth(const gv_shape *a, const gv_pose *A, const gv_shape *b
     gv_sincos(i * 2.399963229728653, &s, &c);
     gv_vec3 n = gv_v3(c * sqrt(1 - z * z), s * sqrt(1 - z * z), z);
     double h = support_overlap(a, A, b, B, n);
-    if (h < least)
-      least = h, best = n;
+    if (h < least) {
+      least = h;
+      best = n;
+    }
   }
   for (double step = 0.05; step > 1e-7; step *= 0.97) {
     gv_vec3 n = gv_mad(best, step, draw_unit());
     n = gv_scale(n, 1 / gv_norm(n));
     double h = support_overlap(a, A, b, B, n);
-    if (h < least)
-      least = h, best = n, step /= 0.97;
+    if (h < least) {
+      least = h;
+      best = n;
+      step /= 0.97;
+    }
   }
   return least;
 }
@@ -284,7 +289,8 @@ static void test_sliding_around_a_hull(void) {
       double moved = gv_norm(gv_sub(A.p, last_p));
       if (i && d.distance + a.radius > 1e-9)
         CHECK(gv_norm(gv_sub(between, last_between)) <= moved + 1e-12, "step %d of %s", i, hull_name[h]);
-      last_p = A.p, last_between = between;
+      last_p = A.p;
+      last_between = between;
     }
   }
 }
@@ -386,9 +392,11 @@ static void bench_pair(const char *name, gv_shape a, gv_shape b, double gap, boo
   for (int i = 0; i < POSES; i++) {
     gv_distance d;
     gv_contact_point out[GV_MAX_PAIR_CONTACTS];
-    if (i % DRIFT == 0)
-      A = (gv_pose){draw_rotation(), gv_mad(B.p, 0.05, draw_unit())}, axis = draw_unit(),
+    if (i % DRIFT == 0) {
+      A = (gv_pose){draw_rotation(), gv_mad(B.p, 0.05, draw_unit())};
+      axis = draw_unit();
       step = gv_scale(draw_unit(), 1e-4);
+    }
     A = (gv_pose){gv_quat_normalize(gv_quat_mul(gv_quat_axis_angle(axis, 0.002), A.q)), gv_add(A.p, step)};
     for (int k = 0; k < 3; k++) {
       gv_pair_cache cold = {.corners = 0};
@@ -408,7 +416,8 @@ static void bench_pair(const char *name, gv_shape a, gv_shape b, double gap, boo
       ns[i] = fmin(ns[i], now_ns() - start);
     }
     cache = next;
-    iterations += d.iterations, contacts += count;
+    iterations += d.iterations;
+    contacts += count;
   }
   qsort(ns, POSES, sizeof ns[0], by_value);
   printf("%s,%s,%g,%.0f,%.0f,%.0f,%.1f,%.1f\n", name, with_manifold ? "manifold" : "distance", gap,

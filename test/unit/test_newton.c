@@ -255,8 +255,10 @@ static void draw_matrix(gv_blocks *b, bool symmetric, double whole[N][N]) {
   gv_blocks_begin(b, NODES);
   for (int i = 0; i < NODES; i++)
     for (int k = 0; k < i; k++)
-      if (draw(0, 1) < 0.25)
-        gv_blocks_link(b, i, k), linked[i][k] = linked[k][i] = true;
+      if (draw(0, 1) < 0.25) {
+        gv_blocks_link(b, i, k);
+        linked[i][k] = linked[k][i] = true;
+      }
   CHECK(gv_blocks_order(b), "no room");
   gv_blocks_clear(b, symmetric);
   memset(whole, 0, sizeof(double[N][N]));

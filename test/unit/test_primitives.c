@@ -103,15 +103,20 @@ static double sweep_depth(const sweep *s) {
   double least = HUGE_VAL;
   for (int i = 0; i < 1500; i++) {
     const double h = overlap(s, lattice(i, 1500));
-    if (h < least)
-      least = h, best = lattice(i, 1500);
+    if (h < least) {
+      least = h;
+      best = lattice(i, 1500);
+    }
   }
   for (double step = 0.05; step > 1e-7; step *= 0.97) {
     gv_vec3 n = gv_mad(best, step, draw_unit());
     n = gv_scale(n, 1 / gv_norm(n));
     const double h = overlap(s, n);
-    if (h < least)
-      least = h, best = n, step /= 0.97;
+    if (h < least) {
+      least = h;
+      best = n;
+      step /= 0.97;
+    }
   }
   return least;
 }

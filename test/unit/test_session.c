@@ -503,8 +503,10 @@ static void test_the_age_allowed_follows_the_rate_of_the_source(void) {
     const gv_frame frame[2] = {glove(1.05, GV_GLOVE_DEAD_MAN, 0),
                                pose(GV_RECEIVER_HAND, 0.06, GV_POSE_VALID)};
     step(frame, i % 16 == 0 ? 2 : 0);
-    if (i % 16)
-      glove_counter--, pose_counter--;
+    if (i % 16) {
+      glove_counter--;
+      pose_counter--;
+    }
   }
   for (int i = 0; i < 25; i++)
     step(NULL, 0);

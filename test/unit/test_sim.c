@@ -197,8 +197,10 @@ static void test_real_device_looks_like_recordings(void) {
     for (int i = 0; i < n; i++) {
       if (gv_fcu_unpack_glove(&frame[i], &glove) != GV_FCU_OK)
         continue;
-      if (s.samples == 0)
-        before = last = glove, last.counter--;
+      if (s.samples == 0) {
+        before = last = glove;
+        last.counter--;
+      }
       count_glove(&s, &glove, &last, &before);
       before = last;
       last = glove;

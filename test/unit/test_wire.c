@@ -163,24 +163,33 @@ static void test_refusals(void) {
     f.data[bit / 8] ^= (uint8_t)(1 << bit % 8);
     CHECK(gv_fcu_unpack_command(&f, &c) == GV_FCU_WRONG_CHECKSUM, "bit %d flipped", bit);
   }
-  f = good, f.id = 0x091;
+  f = good;
+  f.id = 0x091;
   CHECK(gv_fcu_unpack_command(&f, &c) == GV_FCU_WRONG_ID, "other id");
-  f = good, f.flags |= GV_FRAME_EXTENDED;
+  f = good;
+  f.flags |= GV_FRAME_EXTENDED;
   CHECK(gv_fcu_unpack_command(&f, &c) == GV_FCU_WRONG_ID, "extended");
-  f = good, f.len = 16;
+  f = good;
+  f.len = 16;
   CHECK(gv_fcu_unpack_command(&f, &c) == GV_FCU_WRONG_LENGTH, "short");
-  f = good, f.flags = 0;
+  f = good;
+  f.flags = 0;
   CHECK(gv_fcu_unpack_command(&f, &c) == GV_FCU_WRONG_LENGTH, "not FD");
-  f = good, change_byte(&f, 1, 8);
+  f = good;
+  change_byte(&f, 1, 8);
   CHECK(gv_fcu_unpack_command(&f, &c) == GV_FCU_WRONG_VALUE, "unknown flag");
-  f = good, change_byte(&f, 15, 0xf0);
+  f = good;
+  change_byte(&f, 15, 0xf0);
   CHECK(gv_fcu_unpack_command(&f, &c) == GV_FCU_WRONG_VALUE, "reserved bits");
   gv_fcu_pack_pose(&p, &good);
-  f = good, change_byte(&f, 10, 0);
+  f = good;
+  change_byte(&f, 10, 0);
   CHECK(gv_fcu_unpack_pose(&f, &p2) == GV_FCU_WRONG_VALUE, "receiver 0");
-  f = good, change_byte(&f, 27, 0x3f);
+  f = good;
+  change_byte(&f, 27, 0x3f);
   CHECK(gv_fcu_unpack_pose(&f, &p2) == GV_FCU_WRONG_VALUE, "quaternion too short");
-  f = good, change_byte(&f, 26, 0x04);
+  f = good;
+  change_byte(&f, 26, 0x04);
   CHECK(gv_fcu_unpack_pose(&f, &p2) == 0 && p2.T_world_receiver.q.w == 1, "a little long: made unit");
 }
 
@@ -266,8 +275,12 @@ static void test_cannelloni_fuzz(void) {
     uint8_t *p = malloc(size ? (size_t)size : 1), seq;
     for (int i = 0; i < size; i++)
       p[i] = below(3) ? 0 : any_byte();
-    if (size > 4 && below(8))
-      p[0] = 2, p[1] = 0, p[3] = 0, p[4] = (uint8_t)below(5);
+    if (size > 4 && below(8)) {
+      p[0] = 2;
+      p[1] = 0;
+      p[3] = 0;
+      p[4] = (uint8_t)below(5);
+    }
     int count = gv_cannelloni_unpack(p, (size_t)size, &seq, f, GV_CANNELLONI_MAX_FRAMES);
     CHECK(count == -1 || (count >= 0 && frames_valid(f, count)), "datagram %d", n);
     accepted += count >= 0;
@@ -397,8 +410,10 @@ static void test_can_utils_read_our_logs(void) {
   static gv_frame f[FRAMES];
   static char text[FRAMES * (GV_LOG_LINE_MAX + 1)], command[400], out[600];
   size_t size = 0;
-  for (int i = 0; i < FRAMES; i++)
-    f[i] = random_frame(), size += (size_t)gv_log_format(&f[i], "can0", text + size);
+  for (int i = 0; i < FRAMES; i++) {
+    f[i] = random_frame();
+    size += (size_t)gv_log_format(&f[i], "can0", text + size);
+  }
   snprintf(command, sizeof command, "log2long < %s", write_file("wire.log", text, size));
   FILE *p = popen(command, "r");
   for (int i = 0; i < FRAMES; i++) {
@@ -565,7 +580,8 @@ static int port_a, port_b;
 static bool open_pair(gv_driver *a, gv_driver *b) {
   char url[100], err[300] = "";
   for (int try = 0; try < 50; try++) {
-    port_a = 20000 + (int)((unsigned)(getpid() * 7 + try * 331) % 20000u), port_b = port_a + 1;
+    port_a = 20000 + (int)((unsigned)(getpid() * 7 + try * 331) % 20000u);
+    port_b = port_a + 1;
     snprintf(url, sizeof url, "udp://127.0.0.1:%d?listen=%d", port_b, port_a);
     if (gv_udp_open(url, a, err, sizeof err))
       continue;

@@ -116,7 +116,10 @@ void series_at(const series *s, double t, size_t *at, double *out_row) {
   if (!pose)
     return;
   gv_quat q = gv_quat_normalize((gv_quat){out_row[4], out_row[5], out_row[6], out_row[7]});
-  out_row[4] = q.w, out_row[5] = q.x, out_row[6] = q.y, out_row[7] = q.z;
+  out_row[4] = q.w;
+  out_row[5] = q.x;
+  out_row[6] = q.y;
+  out_row[7] = q.z;
 }
 
 static int fail_line(const table *t, const char *what, const char *what_to_do) {
