@@ -168,7 +168,7 @@ build/.service-packages: build/.run-packages
 .PHONY: test-service
 
 ## all: build the daemon, the tools and the tests
-all: $(B)/gloved $(TOOLS:%=$(B)/%) $(TESTS:%=$(B)/test/%) $(B)/test/bench_engine $(B)/test/bench_latency $(B)/test/soak
+all: $(B)/gloved $(TOOLS:%=$(B)/%) $(TESTS:%=$(B)/test/%) $(B)/test/bench_engine $(B)/test/bench_latency $(B)/test/soak $(B)/test/campaign_alone
 
 # Meshes that become scenes (about 5 s each, the full bunny 20 s): things of our own, and Debian's bunny.
 # gloved-scene and gloved-shapes make the virtual environment that they need. Masses in kilograms.
