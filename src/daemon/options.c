@@ -59,6 +59,13 @@ static int take_option(const option_row *row, const char *value, bool *out_used,
   return 0;
 }
 
+static const option_row *find_row(const option_row rows[], size_t count, const char *name) {
+  for (size_t i = 0; i < count; i++)
+    if (strcmp(rows[i].name, name) == 0)
+      return &rows[i];
+  return NULL;
+}
+
 int gv_options_parse(int argc, char **argv, gv_options *out, char *err, size_t err_size) {
   *out = (gv_options){0};
   const option_row rows[] = {
@@ -86,11 +93,8 @@ int gv_options_parse(int argc, char **argv, gv_options *out, char *err, size_t e
     {"--version", NULL, NULL, &out->version, 0, 0},
   };
   for (int i = 1; i < argc; i++) {
-    const option_row *row = NULL;
+    const option_row *row = find_row(rows, sizeof rows / sizeof *rows, argv[i]);
     bool used = false;
-    for (size_t k = 0; k < sizeof rows / sizeof *rows; k++)
-      if (strcmp(argv[i], rows[k].name) == 0)
-        row = &rows[k];
     if (!row) {
       snprintf(err, err_size, "unknown option \"%.100s\"; see gloved --help", argv[i]);
       return -1;
@@ -111,18 +115,19 @@ static void set_text(char out[GV_SETTING_TEXT], const char *value) {
     snprintf(out, GV_SETTING_TEXT, "%s", value);
 }
 
-int gv_options_settings(const gv_options *options, gv_settings *out, char *err, size_t err_size) {
-  gv_settings_default(out);
-  if (options->config && gv_settings_load(options->config, out, err, err_size))
-    return -1;
-  set_text(out->scene, options->scene);
+static void set_names(const gv_options *options, gv_settings *out) {
   char found[GV_SETTING_TEXT];
+  set_text(out->scene, options->scene);
   if (gv_data_path(out->scene, "scenes", ".scene", found, sizeof found))
     set_text(out->scene, found);
   set_text(out->fcu, options->fcu);
   set_text(out->tracker, options->tracker);
   set_text(out->lcm, options->lcm);
   set_text(out->black_box, options->black_box);
+}
+
+// What is one of a few words. 0, or -1 with the words in err.
+static int set_choices(const gv_options *options, gv_settings *out, char *err, size_t err_size) {
   if (options->narrow && gv_settings_set_narrow(&out->engine, options->narrow)) {
     snprintf(err, err_size, "--narrow \"%.40s\" is not known; give core or libccd", options->narrow);
     return -1;
@@ -132,34 +137,52 @@ int gv_options_settings(const gv_options *options, gv_settings *out, char *err, 
              options->solver);
     return -1;
   }
-  if (options->rate_hz > 0.0) {
-    out->rate_hz = options->rate_hz;
-    out->engine.step_s = 1.0 / options->rate_hz;
-  }
-  if (options->no_rt) {
-    out->rt_priority = 0;
-    out->mlock = false;
-    out->cpu_dma_latency = false;
-  }
-  if (out->rate_hz < GV_RATE_MIN_HZ || out->rate_hz > GV_RATE_MAX_HZ) {
-    snprintf(err, err_size, "rate %g Hz is out of range; give a number from %d to %d", out->rate_hz,
-             GV_RATE_MIN_HZ, GV_RATE_MAX_HZ);
-    return -1;
-  }
-  out->strict = out->strict || options->strict;
-  out->sync_device = out->sync_device || options->sync;
   if (options->sync && strcmp(options->sync, "device") != 0) {
     snprintf(err, err_size,
              "--sync \"%.40s\" is none; write --sync device, or leave it out for the loop's own clock",
              options->sync);
     return -1;
   }
+  return 0;
+}
+
+static void set_process(const gv_options *options, gv_settings *out) {
+  out->strict = out->strict || options->strict;
+  out->sync_device = out->sync_device || options->sync;
+  if (options->rate_hz > 0.0) {
+    out->rate_hz = options->rate_hz;
+    out->engine.step_s = 1.0 / options->rate_hz;
+  }
+  if (!options->no_rt)
+    return;
+  out->rt_priority = 0;
+  out->mlock = false;
+  out->cpu_dma_latency = false;
+}
+
+// The name of a setting that is out of its range, of whatever room; null: none.
+static const char *unsound(const gv_settings *settings) {
+  const char *field = gv_config_check(&settings->engine);
+  if (!field)
+    field = gv_limiter_check(&settings->limiter);
+  return field ? field : gv_safety_check(&settings->safety);
+}
+
+int gv_options_settings(const gv_options *options, gv_settings *out, char *err, size_t err_size) {
+  gv_settings_default(out);
+  if (options->config && gv_settings_load(options->config, out, err, err_size))
+    return -1;
+  set_names(options, out);
+  set_process(options, out);
+  if (set_choices(options, out, err, err_size))
+    return -1;
+  if (out->rate_hz < GV_RATE_MIN_HZ || out->rate_hz > GV_RATE_MAX_HZ) {
+    snprintf(err, err_size, "rate %g Hz is out of range; give a number from %d to %d", out->rate_hz,
+             GV_RATE_MIN_HZ, GV_RATE_MAX_HZ);
+    return -1;
+  }
   out->engine.period_s = 1.0 / out->rate_hz;
-  const char *field = gv_config_check(&out->engine);
-  if (!field)
-    field = gv_limiter_check(&out->limiter);
-  if (!field)
-    field = gv_safety_check(&out->safety);
+  const char *field = unsound(out);
   if (!field)
     return 0;
   snprintf(err, err_size, "configuration: %s is not finite or out of range; correct it in %s", field,
