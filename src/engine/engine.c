@@ -268,12 +268,13 @@ static void put_back_object(gv_engine *e, int object) {
 }
 
 static void guard_states(gv_engine *e) {
+  const gv_body_state *state = gv_dynamics_state(e->dyn, 0);
   for (int i = 0; i < GV_LIMBS; i++)
-    if (!state_sound(gv_dynamics_state(e->dyn, i)))
+    if (!state_sound(&state[i]))
       put_back(e, i, &e->driver[i].T);
   for (int i = 0; i < e->rest.moving_count; i++) {
     const int o = e->rest.moving[i];
-    if (!state_sound(gv_dynamics_state(e->dyn, GV_LIMBS + o)))
+    if (!state_sound(&state[GV_LIMBS + o]))
       put_back_object(e, o);
   }
 }
