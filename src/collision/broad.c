@@ -68,12 +68,10 @@ void gv_broad_forget(gv_broad *broad) {
 }
 
 static gv_pair_cache *limb_cache(const gv_broad *broad, int l, int piece) {
-  assert(l >= 0 && l < GV_LIMBS && piece >= 0 && piece < broad->scene->piece_count);
   return &broad->limb_cache[l * broad->scene->piece_count + piece];
 }
 
 static gv_pair_cache *piece_cache(const gv_broad *broad, int i, int j) {
-  assert(i >= 0 && i < broad->scene->piece_count && j >= 0 && j < broad->scene->piece_count);
   const int high = i > j ? i : j;
   const int low = i > j ? j : i;
   assert(high != low);
