@@ -41,11 +41,12 @@ CAN_PACKAGES  := can-utils user-mode-linux kmod iproute2
 .DELETE_ON_ERROR:
 .SECONDARY:
 
-# What is shown: the Stanford bunny (run: the box), or SCENE=FILE in a grasp that gloved-grasp finds for it, or SCRIPT=FILE.
+# What is shown: the Stanford bunny where it is compiled (make scenes; run: the box), else the box, or SCENE=FILE in a grasp
+# that gloved-grasp finds for it, or SCRIPT=FILE.
 OWN    := $(filter command,$(word 1,$(origin SCENE)))
 GRASP  := build/grasps/$(subst /,_,$(basename $(SCENE))).user
 SCRIPT := $(if $(OWN),$(GRASP),data/scripts/power_box.user)
-SCENE  := build/scenes/bunny.scene
+SCENE  := $(or $(wildcard build/scenes/bunny.scene),data/scenes/box.scene)
 ## run: the demo: a simulated user grasps and lifts a box over UDP, in this terminal (SCENE=FILE: what is in there)
 run: $(B)/gloved $(B)/fcusim $(if $(OWN),$(SCRIPT) $(SCENE))
 	$(Q)B=$(B) tools/demo $(if $(OWN),$(SCRIPT) $(SCENE),$(if $(filter command,$(word 1,$(origin SCRIPT))),$(SCRIPT)))
@@ -53,13 +54,14 @@ $(GRASP): $(SCENE) $(B)/gloved-grasp
 	@mkdir -p $(@D)
 	$(Q)$(B)/gloved-grasp $(SCENE) -o $@
 
-## view: a hand grasps the bunny, in 3D in a browser (420 MB at first use: Drake's viewer)
+## look: a hand grasps a thing, in 3D in the browser (PORT=7000, SCENE=FILE; LOG=FILE plays a log, LOG="A B" two side by side)
+look: build/venv-look/.done $(if $(LOG),,$(B)/gloved $(SCENE) $(if $(OWN),$(SCRIPT)))
+	$(Q)$(if $(LOG),build/venv-look/bin/python tools/look.py --port $(or $(PORT),7000) $(LOG),\
+	  B=$(B) VIEWER="build/venv-look/bin/python tools/look.py" tools/view $(SCRIPT) $(SCENE))
+
+## view: the same in Drake's viewer (420 MB at first use; PORT=7000, SCENE=FILE)
 view: build/venv-view/.done $(B)/gloved $(SCENE) $(if $(OWN),$(SCRIPT))
 	$(Q)B=$(B) tools/view $(SCRIPT) $(SCENE)
-
-## look: the same with a viewer of our own: 15 MB instead of 420, no Drake
-look: build/venv-look/.done $(B)/gloved $(SCENE) $(if $(OWN),$(SCRIPT))
-	$(Q)B=$(B) VIEWER="build/venv-look/bin/python tools/look.py" tools/view $(SCRIPT) $(SCENE)
 
 ## hand: grasp it yourself, without a glove: keys in this terminal, the picture in the browser (HAND_SCENE=...)
 HAND_SCENE := data/scenes/box.scene
@@ -111,8 +113,7 @@ build/.spy-test-packages: build/.spy-packages
 .PHONY: spy test-spy
 
 # Drake's viewer in the version that it was tried with, and what drives the browser in the test.
-build/venv-view/.done: build/.run-packages
-	$(Q)tools/packages python3-venv
+build/venv-view/.done: build/.look-packages
 	@echo "  VENV build/venv-view (420 MB)"
 	$(Q)python3 -m venv build/venv-view
 	$(Q)build/venv-view/bin/pip install -q --disable-pip-version-check drake==1.51.1 lcm websocket-client pillow
@@ -124,13 +125,15 @@ pictures: build/.browser-packages build/venv-view/.done build/venv-plot/.done $(
 	$(Q)$(B)/gloved --fcu 'sim:data/scripts/power_box.user?speed=0' --lcm none --log build/power_box.lcm >/dev/null
 	$(Q)build/venv-plot/bin/python tools/gloved_plot.py build/power_box.lcm --out build/power_box-plots >/dev/null
 	$(Q)cp build/power_box-plots/force.png data/pictures/force.png
-build/venv-look/.done: build/.run-packages
-	$(Q)tools/packages python3-venv
+build/venv-look/.done: build/.look-packages
 	@echo "  VENV build/venv-look"
 	$(Q)python3 -m venv build/venv-look
 	$(Q)build/venv-look/bin/pip install -q --disable-pip-version-check lcm
 	@touch $@
-build/.browser-packages: build/.run-packages
+build/.look-packages:
+	$(Q)tools/packages $(RUN_PACKAGES) libjs-three python3-venv
+	@mkdir -p build && touch $@ build/.run-packages
+build/.browser-packages: build/.look-packages
 	$(Q)tools/packages chromium
 	@touch $@
 .PHONY: top view look test-view pictures

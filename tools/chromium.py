@@ -22,7 +22,9 @@ class Browser:
         self.process = subprocess.Popen(["chromium", *FLAGS, f"--user-data-dir={folder}", f"--remote-debugging-port={port}", url],
                                         stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
         self.socket = websocket.create_connection(self.page(), timeout=60)
-        self.number = 0
+        self.number, self.complaints = 0, []
+        self.ask("Runtime.enable")
+        self.ask("Log.enable")
 
     def page(self):
         for _ in range(120):
@@ -33,14 +35,45 @@ class Browser:
                 time.sleep(0.25)
         raise RuntimeError("Chromium did not start")
 
-    def picture(self):
-        """The page as PNG."""
+    def ask(self, method, **params):
+        """One command of the debugging protocol; its result. What the page complains of meanwhile goes to `complaints`."""
         self.number += 1
-        self.socket.send(json.dumps({"id": self.number, "method": "Page.captureScreenshot", "params": {"format": "png"}}))
+        self.socket.send(json.dumps({"id": self.number, "method": method, "params": params}))
         while True:
             answer = json.loads(self.socket.recv())
+            if answer.get("method") == "Runtime.exceptionThrown":
+                details = answer["params"]["exceptionDetails"]
+                self.complaints.append(details.get("exception", {}).get("description") or details["text"])
+            if answer.get("method") == "Log.entryAdded" and answer["params"]["entry"]["level"] == "error":
+                self.complaints.append(answer["params"]["entry"]["text"] + " " + answer["params"]["entry"].get("url", ""))
             if answer.get("id") == self.number:
-                return base64.b64decode(answer["result"]["data"])
+                return answer.get("result", {})
+
+    def value(self, expression):
+        """What a JavaScript expression is in the page (None: it has no value, or failed)."""
+        return self.ask("Runtime.evaluate", expression=expression, returnByValue=True, awaitPromise=True).get("result", {}).get("value")
+
+    def wait(self, expression, seconds=30):
+        """Until the expression is true; whether it was in time."""
+        end = time.time() + seconds
+        while not self.value(expression):
+            if time.time() > end:
+                return False
+            time.sleep(0.1)
+        return True
+
+    def key(self, key):
+        """A key pressed and let go."""
+        code = {" ": 32, "ArrowLeft": 37, "ArrowRight": 39}.get(key, ord(key[0].upper()))
+        for kind in ("keyDown", "keyUp"):
+            self.ask("Input.dispatchKeyEvent", type=kind, key=key, text=key if len(key) == 1 and kind == "keyDown" else "", windowsVirtualKeyCode=code)
+
+    def size(self, width, height):
+        self.ask("Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1, mobile=False)
+
+    def picture(self):
+        """The page as PNG."""
+        return base64.b64decode(self.ask("Page.captureScreenshot", format="png")["data"])
 
     def close(self):
         self.process.terminate()

@@ -51,6 +51,7 @@ static gv_drake_link *add_link(gv_drake *drake, gv_drake_type type, const float 
   gv_drake_link *link = &drake->link[drake->link_count++];
   snprintf(link->name, sizeof link->name, "%s::%s", folder, name);
   link->type = type;
+  link->p_link_shape = gv_v3(0, 0, 0);
   link->q_link_shape = gv_quat_identity();
   memcpy(link->color, color, sizeof link->color);
   link->number_first = drake->number_count;
@@ -198,6 +199,7 @@ static void add_objects(gv_drake *drake, const gv_scene *scene) {
     gv_drake_link *link = add_link(drake, GV_DRAKE_MESH,
                                    object->is_static ? static_color : object_color[color++ % 4], "objects",
                                    object->name);
+    link->p_link_shape = object->center_m;
     link->number_count = gv_thin_mesh(&mesh, &drake->number[drake->number_count], share);
     drake->number_count += link->number_count;
   }
@@ -292,7 +294,7 @@ void gv_drake_update(gv_drake *drake, const gv_snapshot *snapshot) {
   T[HEAD] = snapshot->head_seen ? snapshot->T_world_head : hidden;
   place_contacts(drake, snapshot);
   for (int i = 0; i < snapshot->object_count; i++)
-    T[OBJECTS + i] = snapshot->object[i].T_world_body;
+    T[OBJECTS + i] = gv_snapshot_object_pose(&drake->scene->object[i], snapshot->object[i].T_world_body);
   for (int i = 0; i < drake->link_count; i++)
     T[i] = sound(T[i]);
 }

@@ -33,6 +33,7 @@ typedef enum gv_drake_type {  // as on the wire
 typedef struct gv_drake_link {
   char name[GV_DRAKE_NAME];
   gv_drake_type type;
+  gv_vec3 p_link_shape;  // objects: the mesh is about the centre of mass, the link is the scene file's frame
   gv_quat q_link_shape;  // the viewer's capsules lie along z, ours along x
   float color[4];
   int number_first, number_count;  // into gv_drake.number; count 0: no shape

@@ -278,6 +278,9 @@ static void point_viewer(viewer *v) {
                                                 .string_data = no_file,
                                                 .num_float_data = link->number_count,
                                                 .float_data = &v->drake.number[link->number_first]};
+    v->geometry[i].position[0] = (float)link->p_link_shape.x;
+    v->geometry[i].position[1] = (float)link->p_link_shape.y;
+    v->geometry[i].position[2] = (float)link->p_link_shape.z;
     put_quat(link->q_link_shape, v->geometry[i].quaternion);
     memcpy(v->geometry[i].color, link->color, sizeof link->color);
     v->link[i] = (gloved_viewer_link_t){

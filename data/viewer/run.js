@@ -1,0 +1,140 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// A run over time, live or out of a log: its states by their time, the shapes that belong to them, and the forces of
+// the whole as plain numbers for the strips. Field names are those of data/lcm.
+import {decode, index} from "./lcm.js";
+
+export const FINGERS = ["thumb", "index", "middle", "ring", "little"];
+export const SAFETY = ["start", "wait", "ready", "armed", "active", "fault", "stopped"];
+const LIVE_S = 120;
+
+// Forces of five fingers over time: `t`, and for each kind five lists.
+class Curves {
+  constructor() {
+    this.t = [];
+    for (const kind of ["commanded", "measured"]) this[kind] = FINGERS.map(() => []);
+  }
+
+  add(state) {
+    this.t.push(state.time_s);
+    for (let i = 0; i < FINGERS.length; i++) {
+      this.commanded[i].push(state.force_commanded_n[i]);
+      this.measured[i].push(state.force_measured_n[i]);
+    }
+  }
+
+  forget(count) {
+    this.t.splice(0, count);
+    for (const list of [...this.commanded, ...this.measured]) list.splice(0, count);
+  }
+}
+
+// The last entry at or before `time` (the first one where there is none).
+function before(times, time) {
+  let low = 0, high = times.length - 1;
+  while (low < high) {
+    const middle = (low + high + 1) >> 1;
+    if (times[middle] <= time) low = middle;
+    else high = middle - 1;
+  }
+  return low;
+}
+
+class Run {
+  constructor(name) {
+    this.name = name;
+    this.about = null;
+    this.load = null;
+    this.curves = new Curves();
+  }
+
+  get empty() { return !this.curves.t.length; }
+  get begin() { return this.curves.t[0] ?? 0; }
+  get end() { return this.curves.t[this.curves.t.length - 1] ?? 0; }
+
+  // The two states around `time`, and how far between them it lies.
+  around(time) {
+    const t = this.curves.t, i = before(t, time), next = Math.min(i + 1, t.length - 1), gap = t[next] - t[i];
+    return {a: this.state(i), b: this.state(next), part: gap > 0 ? Math.min(1, Math.max(0, (time - t[i]) / gap)) : 0};
+  }
+}
+
+export class LiveRun extends Run {
+  constructor() {
+    super("live");
+    this.states = [];
+    this.arrived = 0;
+  }
+
+  state(i) { return this.states[i]; }
+  loadAt() { return this.load; }
+
+  // True where another run of gloved has begun.
+  add(state, now) {
+    const begun = state.time_s < this.end || this.empty;
+    if (state.time_s < this.end) {
+      this.states = [];
+      this.curves = new Curves();
+    }
+    this.arrived = now;
+    this.states.push(state);
+    this.curves.add(state);
+    const old = before(this.curves.t, state.time_s - LIVE_S);
+    if (old > 200) {
+      this.states.splice(0, old);
+      this.curves.forget(old);
+    }
+    return begun;
+  }
+}
+
+export class LogRun extends Run {
+  // Throws an Error in words where there is nothing to show.
+  constructor(name, buffer, layouts) {
+    super(name);
+    Object.assign(this, {buffer, layouts, damaged: 0, at: [], loads: [], shown: new Map()});
+    const found = index(buffer);
+    for (const message of found.messages) this.take(message);
+    if (this.empty) throw new Error(`${name}: ${this.why || (found.messages.length ? "no GLOVED_STATE in it; record it with gloved --log" : "no LCM log")}`);
+    this.damaged += found.skipped > 0 ? 1 : 0;
+  }
+
+  take(message) {
+    try {
+      if (message.channel === "GLOVED_STATE") this.takeState(message);
+      else if (message.channel === "DRAKE_VIEWER_LOAD_ROBOT") this.takeLoad(message);
+      else if (message.channel === "GLOVED_ABOUT") this.about = this.decode("about_t", message);
+    } catch (error) {
+      if (!(error instanceof RangeError)) throw error;
+      this.damaged++;
+      this.why = error.message;
+    }
+  }
+
+  decode(type, {at, length}) { return decode(this.layouts, type, new DataView(this.buffer, at, length)); }
+
+  takeState(message) {
+    const state = this.decode("state_t", message);
+    if (!(state.time_s >= this.end)) return; // a log has one run
+    this.at.push(message);
+    this.curves.add(state);
+  }
+
+  takeLoad(message) {
+    const last = this.loads[this.loads.length - 1];
+    if (last && last.length === message.length) return; // once a second, always the same
+    this.loads.push({length: message.length, from: this.end, links: this.decode("viewer_load_t", message).link});
+  }
+
+  loadAt(time) {
+    const fits = this.loads.filter(load => load.from <= time);
+    return (fits.pop() ?? this.loads[0])?.links ?? null;
+  }
+
+  state(i) {
+    if (!this.shown.has(i)) {
+      if (this.shown.size > 500) this.shown.clear();
+      this.shown.set(i, this.decode("state_t", this.at[i]));
+    }
+    return this.shown.get(i);
+  }
+}
