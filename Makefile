@@ -73,9 +73,13 @@ hand: build/venv-look/.done $(B)/gloved $(B)/gloved-hand $(B)/gloved-command
 top: $(B)/gloved-top
 	$(Q)$(B)/gloved-top
 
-## test-view: the 3D view in a real browser (Chromium, without a display), pictures checked
-test-view: build/.browser-packages build/venv-view/.done $(B)/gloved $(SCENE)
+## test-view: the page of gloved-look in a real browser (Chromium, without a display), and Drake's viewer; pictures checked
+test-view: test-look build/venv-view/.done $(SCENE)
 	$(Q)SCENE=$(SCENE) PYTHON=build/venv-view/bin/python B=$(B) test/run browser
+## test-look: the page of gloved-look alone
+test-look: build/.browser-packages build/venv-browser/.done $(B)/gloved
+	$(Q)PYTHON=build/venv-browser/bin/python B=$(B) test/run page
+.PHONY: test-look
 
 ## plot: pictures and tables of a run: make plot LOG=FILE (written by gloved --log), or COMPARE="FILE FILE"
 plot: build/venv-plot/.done
@@ -118,13 +122,24 @@ build/venv-view/.done: build/.look-packages
 	$(Q)python3 -m venv build/venv-view
 	$(Q)build/venv-view/bin/pip install -q --disable-pip-version-check drake==1.51.1 lcm websocket-client pillow
 	@touch $@
-## pictures: those of the documentation, made anew (data/pictures)
-pictures: build/.browser-packages build/venv-view/.done build/venv-plot/.done $(B)/gloved $(SCENE)
-	$(Q)mkdir -p data/pictures
-	$(Q)B=$(B) build/venv-view/bin/python tools/pictures.py $(SCRIPT) $(SCENE) 6 data/pictures/grasp.png
+## pictures: those of README and doc/objects.md made anew: box, bunny, horse and cat in the hand, forces of a grasp (data/pictures)
+PICTURED := build/scenes/bunny.scene build/scenes/horse.scene build/scenes/cat.scene
+pictures: build/.browser-packages build/venv-browser/.done build/venv-plot/.done $(B)/gloved $(B)/gloved-grasp $(PICTURED)
+	$(Q)$(B)/gloved-grasp build/scenes/horse.scene -o build/horse.user --seed $(HORSE_SEED)
+	$(Q)$(B)/gloved-grasp build/scenes/cat.scene -o build/cat.user --seed $(CAT_SEED)
+	$(Q)build/venv-browser/bin/python tools/pictures.py $(B) data/pictures box=data/scenes/box.scene,power_box \
+	  bunny=build/scenes/bunny.scene,power_box horse=build/scenes/horse.scene,build/horse.user cat=build/scenes/cat.scene,build/cat.user
 	$(Q)$(B)/gloved --fcu 'sim:data/scripts/power_box.user?speed=0' --lcm none --log build/power_box.lcm >/dev/null
 	$(Q)build/venv-plot/bin/python tools/gloved_plot.py build/power_box.lcm --out build/power_box-plots >/dev/null
 	$(Q)cp build/power_box-plots/force.png data/pictures/force.png
+HORSE_SEED := 6
+CAT_SEED   := 1
+# What drives the browser in tests and for pictures.
+build/venv-browser/.done: build/.look-packages
+	@echo "  VENV build/venv-browser"
+	$(Q)python3 -m venv build/venv-browser
+	$(Q)build/venv-browser/bin/pip install -q --disable-pip-version-check lcm websocket-client pillow
+	@touch $@
 build/venv-look/.done: build/.look-packages
 	@echo "  VENV build/venv-look"
 	$(Q)python3 -m venv build/venv-look
@@ -376,7 +391,7 @@ build/.fuzz-packages: build/.run-packages
 build/venv/.ready: build/.test-packages
 	@echo "  VENV build/venv"
 	$(Q)python3 -m venv build/venv
-	$(Q)build/venv/bin/python -m pip install -q --disable-pip-version-check pytest cantools python-can lcm cffi setuptools
+	$(Q)build/venv/bin/python -m pip install -q --disable-pip-version-check pytest cantools python-can lcm cffi setuptools quickjs
 	@touch $@
 
 $(B)/%.o: %.c | $(B)/gen/.done

@@ -248,6 +248,11 @@ def listen():
     return link
 
 
+def take(link):
+    while True:
+        link.handle()
+
+
 def main():
     parser = argparse.ArgumentParser(prog="gloved-look", description=__doc__.split(" - ")[1])
     parser.add_argument("log", nargs="*", help="LCM log of a run (gloved --log); two are shown side by side")
@@ -266,9 +271,9 @@ def main():
     link = listen()
     serve(args.host, args.port)
     print(f"viewer: open http://localhost:{args.port}", flush=True)
+    threading.Thread(target=take, args=(link,), daemon=True).start()
     try:
-        while True:
-            link.handle()
+        threading.Event().wait()  # signals come to this thread, and not in the middle of a message
     except KeyboardInterrupt:
         pass
 

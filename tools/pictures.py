@@ -1,49 +1,65 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: BSD-3-Clause
-"""pictures.py SCRIPT SCENE SECONDS OUT.png - one picture of the 3D view (tools/look.py) at SECONDS of a simulated user's
-grasp, as headless Chromium shows it. make pictures makes those of the documentation."""
+"""pictures.py BUILD FOLDER NAME=SCENE,SCRIPT[,ADDRESS]... - the page of gloved-look as FOLDER/NAME.png, for the documentation: each a run of
+the simulated user as fast as it goes, played in headless Chromium at what ADDRESS says (time=7&camera=palm, see look.js)."""
+import io
 import os
 import subprocess
 import sys
 import tempfile
 
-import lcm
+from PIL import Image
 
 import gloved_log
 from chromium import Browser
 
-URL, PORT = "udpm://239.255.76.67:7783?ttl=0", 7019
+PORT, SIZE = 7019, (1200, 720)
+LOADED = "window.gloved && !gloved.shown.live && gloved.shown.whole && gloved.shown.hand && gloved.shown.drawn > 2"
 
 
-def wait_until(seconds):
-    """Until the run has come this far."""
-    link, now = lcm.LCM(URL), [0.0]
-    link.subscribe("GLOVED_STATE", lambda _, data: now.__setitem__(0, gloved_log.types().state_t.decode(data).time_s))
-    while now[0] < seconds:
-        if not link.handle_timeout(20000):
-            raise SystemExit("pictures: nothing comes over LCM")
+def record(build, folder, name, scene, script):
+    log = os.path.join(folder, name + ".lcm")
+    subprocess.run([build + "/gloved", "--fcu", f"sim:{script}?speed=0", "--scene", scene, "--lcm", "none", "--log", log], check=True,
+                   stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    return log
+
+
+def viewer(log):
+    """gloved-look with a log, ready."""
+    process = subprocess.Popen([sys.executable, os.path.join(gloved_log.ROOT, "tools", "look.py"), "--port", str(PORT), log], stdout=subprocess.PIPE,
+                               text=True, env=dict(os.environ, LCM_DEFAULT_URL="memq://"))
+    process.stdout.readline()
+    return process
+
+
+def take(folder, log, address):
+    """The page as a picture of 256 colours."""
+    look = viewer(log)
+    browser = Browser(folder, "about:blank")
+    try:
+        browser.size(*SIZE)
+        browser.ask("Page.navigate", url=f"http://localhost:{PORT}/?log=0&{address}")
+        if not browser.wait(LOADED, 60) or browser.complaints:
+            raise SystemExit(f"pictures: the page does not show {log}: {browser.value('JSON.stringify(gloved.shown)')} {browser.complaints}")
+        browser.value("new Promise(done => setTimeout(done, 1500))")
+        return Image.open(io.BytesIO(browser.picture())).convert("RGB").quantize(256, method=Image.Quantize.MAXCOVERAGE)
+    finally:
+        browser.close()
+        look.terminate()
+        look.wait()
 
 
 def main():
-    if len(sys.argv) != 5:
-        raise SystemExit("usage: pictures.py SCRIPT SCENE SECONDS OUT.png")
-    script, scene, seconds, out = sys.argv[1:]
-    quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
-    viewer = subprocess.Popen([sys.executable, os.path.join(gloved_log.ROOT, "tools", "look.py"), "--port", str(PORT)],
-                              stdout=subprocess.DEVNULL, env=dict(os.environ, LCM_DEFAULT_URL=URL))
-    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
-        browser = Browser(folder, f"http://localhost:{PORT}")
-        engine = subprocess.Popen([os.environ["B"] + "/gloved", "--fcu", "sim:" + script, "--scene", scene, "--lcm", URL, "--no-rt"], **quiet)
-        try:
-            wait_until(float(seconds))
-            with open(out, "wb") as file:
-                file.write(browser.picture())
-            print(out)
-        finally:
-            for process in (engine, viewer):
-                process.terminate()
-                process.wait()
-            browser.close()
+    if len(sys.argv) < 4:
+        raise SystemExit("usage: pictures.py BUILD FOLDER NAME=SCENE,SCRIPT[,ADDRESS]...")
+    build, out, *wanted = sys.argv[1:]
+    for one in wanted:
+        name, _, rest = one.partition("=")
+        scene, script, *address = rest.split(",")
+        with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
+            picture = take(folder, record(build, folder, name, scene, script), address[0] if address else "time=7")
+        picture.save(os.path.join(out, name + ".png"), optimize=True)
+        print(os.path.join(out, name + ".png"))
 
 
 if __name__ == "__main__":

@@ -5,7 +5,7 @@
 import {Camera} from "./camera.js";
 import {makeRenderer, Room} from "./room.js";
 import {LiveRun, LogRun, SAFETY} from "./run.js";
-import {FORCE_M_PER_N} from "./stage.js";
+import {forceScale} from "./stage.js";
 import {Strips} from "./strips.js";
 
 const SILENT_MS = 1000, STATE_S = 0.02, STRIP_S = 10;
@@ -19,6 +19,7 @@ const show = {forces: true, contacts: false, polygons: false, measured: true, gr
 
 const runs = () => (logs.length ? logs : [live]);
 const begin = () => Math.min(...runs().map(run => run.begin)), end = () => Math.max(...runs().map(run => run.end));
+const scale = () => forceScale(Math.max(...runs().map(run => run.strongest_n)));
 const isLive = () => !logs.length, speed = () => Number(by("speed").value);
 const touch = () => { dirty = true; };
 
@@ -146,6 +147,7 @@ function place(run, room) {
   Object.assign(room.stage.show, show);
   room.grid.visible = show.grid;
   room.stage.setLinks(isLive() ? run.load : run.loadAt(time));
+  room.stage.scale = scale();
   room.stage.setMeshes(meshesOf(run.about));
   room.stage.place(a, b, isLive() ? 0 : part);
   return part < 0.5 ? a : b;
@@ -203,7 +205,7 @@ function span(text) {
 function tellScale() {
   const pixel = camera.metresPerPixel(canvas.clientHeight), length = SCALES_M.find(m => m / pixel > 60) ?? 0.5;
   by("bar").style.width = `${Math.round(length / pixel)}px`;
-  by("bar-text").textContent = `${+(length * 1e3).toFixed(1)} mm` + (show.forces ? `, an arrow of ${+(length / FORCE_M_PER_N).toFixed(2)} N` : "");
+  by("bar-text").textContent = `${+(length * 1e3).toFixed(1)} mm` + (show.forces ? `, an arrow of ${+(length / scale()).toFixed(2)} N` : "");
   by("legend-contacts").hidden = !show.contacts;
   by("legend-polygons").hidden = !show.polygons;
 }

@@ -97,7 +97,7 @@ export class Room {
     const a = turn - 0.75;
     for (const label of this.labels) { // upright for the one who looks
       const quarter = label.userData.along, from = quarter ? Math.cos(turn) : Math.sin(turn);
-      label.rotation.z = (quarter ? Math.PI / 2 : Math.PI) + (from * (quarter ? 1 : -1) > 0 ? 0 : Math.PI);
+      label.rotation.z = (quarter ? -Math.PI / 2 : 0) + (from < 0 ? 0 : Math.PI);
     }
     this.sun.target.position.copy(target);
     this.sun.position.set(0.42 * Math.cos(a), 0.42 * Math.sin(a), 0.72).add(target);

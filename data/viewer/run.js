@@ -5,7 +5,7 @@ import {decode, index} from "./lcm.js";
 
 export const FINGERS = ["thumb", "index", "middle", "ring", "little"];
 export const SAFETY = ["start", "wait", "ready", "armed", "active", "fault", "stopped"];
-const LIVE_S = 120;
+const LIVE_S = 120, ABSURD_N = 1000; // a force beyond it is a damaged message's
 
 // Forces of five fingers over time: `t`, and for each kind five lists.
 class Curves {
@@ -44,7 +44,23 @@ class Run {
     this.name = name;
     this.about = null;
     this.load = null;
+    this.strongest_n = 0;
     this.curves = new Curves();
+  }
+
+  // The strongest force of the contacts of one limb, at any time.
+  measure(state) {
+    const sum = new Map();
+    for (const {limb, force_n} of state.contact) {
+      if (limb < 0) continue;
+      const f = sum.get(limb) ?? [0, 0, 0];
+      force_n.forEach((x, k) => { f[k] += x; });
+      sum.set(limb, f);
+    }
+    for (const f of sum.values()) {
+      const n = Math.hypot(...f);
+      if (n < ABSURD_N) this.strongest_n = Math.max(this.strongest_n, n);
+    }
   }
 
   get empty() { return !this.curves.t.length; }
@@ -74,7 +90,9 @@ export class LiveRun extends Run {
     if (state.time_s < this.end) {
       this.states = [];
       this.curves = new Curves();
+      this.strongest_n = 0;
     }
+    this.measure(state);
     this.arrived = now;
     this.states.push(state);
     this.curves.add(state);
@@ -117,6 +135,7 @@ export class LogRun extends Run {
     if (!(state.time_s >= this.end)) return; // a log has one run
     this.at.push(message);
     this.curves.add(state);
+    this.measure(state);
   }
 
   takeLoad(message) {

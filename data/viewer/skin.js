@@ -23,7 +23,7 @@ export const PALM = 15, FOREARM = 16, BONES = 17;
 
 // Thumb at rest: its metacarpal out to the side, abduction 0 of hand.c's skeleton. Fingers: spread about z, bent about y.
 const THUMB = [0.4061, -0.7591, -0.21, 0.4635];
-const SPREAD = [0, 0.1, 0, -0.1, -0.22], BENT = [0.22, 0.35, 0.2];
+const SPREAD = [0, 0.2, 0.03, -0.16, -0.38], BENT = [0.22, 0.35, 0.2];
 
 // The hand's measures out of the shapes and of one state: radii and half lengths of the 15 limbs, the palm's box, where
 // each finger and the wrist begin in the palm's frame. `left`: mirrored in y.

@@ -4,7 +4,10 @@
 import * as THREE from "/three.js";
 import {BONES, FOREARM, PALM, inverse, makeSkin, measure, multiply, rotate} from "./skin.js";
 
-export const FORCE_M_PER_N = 0.025;
+// Arrows: metres a newton, the first with which the strongest force of the run stays below ARROW_M.
+const SCALES_M_PER_N = [0.025, 0.01, 0.005, 0.0025, 0.001], ARROW_M = 0.12;
+export const forceScale = strongest_n => SCALES_M_PER_N.find(s => s * strongest_n <= ARROW_M) ?? SCALES_M_PER_N[SCALES_M_PER_N.length - 1];
+
 const SKIN = "#cf9273", STATIC = "#c9ccd1", PAINT = ["#2f7fb5", "#8f9e3c", "#7d66b0", "#cc7f35"];
 const FORCE = "#118a3a", CONTACT = "#d7263d", POLYGON = "#ffb000", GLOVE = "#1f4fd8";
 const CONTACTS = 96, POLYGONS = 48;
@@ -109,6 +112,7 @@ export class Stage {
     this.group = new THREE.Group();
     this.objects = new Map();
     this.show = {forces: true, contacts: false, polygons: false, measured: true};
+    this.scale = SCALES_M_PER_N[0];
     this.palm = null; // where the hand is: {p, q}
     this.links = null;
     this.makeForces();
@@ -276,7 +280,7 @@ export class Stage {
       s.weight += weight;
     }
     this.forces.forEach((arrow, i) => {
-      const {f, p, weight} = sum[i], length = f.length() * FORCE_M_PER_N;
+      const {f, p, weight} = sum[i], length = Math.min(ARROW_M, f.length() * this.scale);
       arrow.node.visible = this.show.forces && length > 0.002;
       if (!arrow.node.visible) return;
       arrow.node.position.copy(p.multiplyScalar(1 / weight));
@@ -321,7 +325,7 @@ export class Stage {
   makePolygon(object, polygon) {
     object.inner.updateWorldMatrix(true, false);
     const point = object.inner.worldToLocal(vector(polygon.position_m).applyMatrix4(this.group.matrixWorld));
-    const mesh = new THREE.Mesh(polygonAt(object.geometry, point), new THREE.MeshBasicMaterial({color: color(POLYGON), transparent: true, opacity: 0.75,
+    const mesh = new THREE.Mesh(polygonAt(object.geometry, point), new THREE.MeshBasicMaterial({color: color(POLYGON), transparent: true, opacity: 0.9,
       polygonOffset: true, polygonOffsetFactor: -2, polygonOffsetUnits: -2}));
     mesh.matrixAutoUpdate = false;
     this.polygons.add(mesh);

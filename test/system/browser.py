@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The 3D views as a person sees them: gloved, Drake's viewer or tools/look.py, and headless Chromium; the pictures are checked for the
-hand, the object, the forces and for movement, and kept in $B/test/view. Not part of `make test`: make test-view."""
+"""Drake's viewer as a person sees it: gloved, the viewer, and headless Chromium; the pictures are checked for the hand, the object, the
+forces and for movement, and kept in $B/test/view. Not part of `make test`: make test-view, with page.py for gloved-look's page."""
 import io
 import os
 import signal
@@ -133,11 +133,10 @@ def check_faults(program):
 
 
 def main():
-    for program in ("viewer", "look"):
-        for viewer_first in (True, False):
-            with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
-                look(folder, program, viewer_first)
-        check_faults(program)
+    for viewer_first in (True, False):
+        with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
+            look(folder, "viewer", viewer_first)
+    check_faults("viewer")
     return 1 if failed else 0
 
 
