@@ -30,7 +30,7 @@ wall core_knows_no_process_or_driver '#include "(daemon|drivers|wire)/|#include 
 wall drivers_know_no_engine '#include "gloved/(engine|narrow|scene|shape|safety)\.h"|"(hand|collision|dynamics|safety|engine|daemon)/' $drivers
 only one_file_knows_ode '#include <ode/' 'src/dynamics/ode(_joint\.[ch]|\.c)'
 only one_file_knows_ccd '#include <ccd/' 'src/collision/libccd\.c'
-only one_file_knows_lcm '#include <lcm/|#include "gloved_.*_t\.h"' 'src/daemon/tell/telemetry\.c|tools/gloved-(top|command)\.c'
+only the_telemetry_alone_knows_lcm '#include <lcm/|#include "gloved_.*_t\.h"' 'src/daemon/tell/telemetry(_[a-z]+)?\.[ch]|tools/gloved-(top|command)\.c'
 only one_file_knows_libconfig '#include <libconfig' 'src/daemon/load/conf\.c'
 only one_file_knows_zlib '#include <zlib' 'drivers/log_file\.c'
 wall the_parts_know_no_engine '#include "gloved/engine\.h"' src/base/*.[ch] src/hand/*.[ch] src/collision/*.[ch] src/dynamics/*.[ch] src/safety/*.[ch] src/wire/*.[ch]

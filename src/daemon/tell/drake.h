@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // The picture for Drake's viewer (Meldis) as plain numbers: which shapes there are, and where they are in a
-// snapshot. telemetry.c puts them into messages. Slow thread; gv_drake_init belongs to set-up.
+// snapshot. telemetry_picture.c puts them into messages. Slow thread; gv_drake_init belongs to set-up.
 //
 // Folders in the viewer: hand (simulated limbs), glove (the measured hand: it may lie inside objects),
 // objects, contacts (a dot each), forces (an arrow each, on the limb or object A of the contact), head.
