@@ -131,7 +131,7 @@ pictures: build/.browser-packages build/venv-browser/.done build/venv-plot/.done
 	  bunny=build/scenes/bunny.scene,power_box horse=build/scenes/horse.scene,build/horse.user cat=build/scenes/cat.scene,build/cat.user
 	$(Q)$(B)/gloved --fcu 'sim:data/scripts/power_box.user?speed=0' --lcm none --log build/power_box.lcm >/dev/null
 	$(Q)build/venv-plot/bin/python tools/gloved_plot.py build/power_box.lcm --out build/power_box-plots >/dev/null
-	$(Q)cp build/power_box-plots/force.png data/pictures/force.png
+	$(Q)cp build/power_box-plots/power_box-force.png data/pictures/force.png
 HORSE_SEED := 6
 CAT_SEED   := 1
 # What drives the browser in tests and for pictures.

@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: BSD-3-Clause
 """gloved-plot LOG [--out FOLDER] - pictures of a run from its LCM log (gloved --log): force per finger with the contact
-phases, penetration, joint angles, object poses, step and wake times, energy of the coupling. Writes PNG, index.html,
-CSV tables and an MCAP file. gloved-plot --compare A B lays two runs over each other.
+phases, penetration, joint angles, object poses, step and wake times, energy of the coupling. Writes PNG, PDF
+and SVG, index.html, CSV tables and an MCAP file. gloved-plot --compare A B lays two runs over each other.
 Needs `pip install lcm numpy matplotlib mcap` (make plot LOG=FILE does it)."""
 import argparse
 import csv
@@ -18,24 +18,44 @@ from gloved_run import FINGERS, PARTS, SAFETY, SENSORS, Run  # noqa: E402
 STYLE = "body{font-family:sans-serif;max-width:60em;margin:2em auto;padding:0 1em}img{max-width:100%}td{padding:.1em 1.5em .1em 0}td+td{font-family:monospace}"
 
 
+def difference_table(runs):
+    """Rows of HTML: what, A, B, B less A; of what both runs have."""
+    cell = lambda text: f"<td>{html.escape(text)}</td>"
+    b = {what: value for what, _, value in runs[1].numbers()}
+    rows = [f"<tr><th>{''.join(f'<th>{html.escape(run.stem)}' for run in runs)}<th>difference"]
+    for what, unit, value in runs[0].numbers():
+        if what in b:
+            numbers = (f"{x:.4g} {unit}".strip() for x in (value, b[what]))
+            rows.append("<tr>" + cell(what) + "".join(map(cell, numbers)) + cell(f"{b[what] - value:+.4g} {unit}".strip()))
+    return "<table>" + "".join(rows) + "</table>"
+
+
 def write_html(path, runs, pictures):
     cell = lambda text: f"<td>{html.escape(text)}</td>"
     out = [f"<!doctype html><meta charset=utf-8><title>gloved: {html.escape(runs[0].name)}</title><style>{STYLE}</style>"]
     for number, run in enumerate(runs):
         title = run.name if len(runs) == 1 else f"{'AB'[number]}: {run.name}"
         out.append(f"<h1>{html.escape(title)}</h1><table>" + "".join(f"<tr>{cell(a)}{cell(b)}" for a, b in run.figures()) + "</table>")
-    out += [f"<h2>{html.escape(text)}</h2><img src='{name}.png' alt='{name}'>" for name, text in pictures]
+    if len(runs) == 2:
+        out.append("<h1>Difference</h1>" + difference_table(runs))
+    out += [f"<h2>{html.escape(text)}</h2><img src='{name}.png' alt='{name}'><p><a href='{name}.pdf'>PDF</a> <a href='{name}.svg'>SVG</a>"
+            for name, text in pictures]
     for run in runs:
         out.append(f"<h2>Events of {html.escape(run.name)}</h2><table>" + "".join(f"<tr>{cell(f'{e.time_s:.3f} s')}{cell(e.text)}" for e in run.events) + "</table>")
     with open(path, "w", encoding="utf-8") as file:
         file.write("\n".join(out) + "\n")
 
 
+def rounded(value):
+    """A tenth of a microsecond, a nanometre, a micronewton: more digits than any of them has a meaning for."""
+    return f"{value:.7g}" if isinstance(value, float) else value
+
+
 def write_table(path, header, rows):
     with open(path, "w", newline="", encoding="ascii") as file:
         writer = csv.writer(file)
         writer.writerow(header)
-        writer.writerows(rows)
+        writer.writerows([rounded(value) for value in row] for row in rows)
 
 
 def write_csv(folder, run):
@@ -91,7 +111,8 @@ def main():
     if bool(args.log) == bool(args.compare):
         parser.error("give one LOG, or --compare A B")
     runs = [Run(path) for path in args.compare or [args.log]]
-    folder = args.out or os.path.splitext((args.compare or [args.log])[0])[0] + ("-compared" if args.compare else "-plots")
+    first = os.path.splitext((args.compare or [args.log])[0])[0]
+    folder = args.out or (f"{first}-and-{runs[1].stem}" if args.compare else first + "-plots")
     os.makedirs(folder, exist_ok=True)
     write_html(f"{folder}/index.html", runs, draw(runs, folder))
     if not args.compare:

@@ -53,10 +53,12 @@ class Run:
     def __init__(self, path):
         self.log = gloved_log.Log(path)
         self.name = os.path.basename(path)
+        self.stem = os.path.splitext(self.name)[0]
         states = self.log.of("GLOVED_STATE")
         if not states:
             raise SystemExit(f"gloved-plot: {path}: no GLOVED_STATE in it; record it with gloved --log")
         self.states, self.stats, self.events = states, self.log.of("GLOVED_STATS"), self.log.of("GLOVED_EVENT")
+        self.period_us = 1e6 * self.stats[0].period_s if self.stats else 1000.0
         self.t = np.array([s.time_s for s in states])
         self.commanded = np.array([s.force_commanded_n for s in states])
         self.desired = np.array([s.force_desired_n for s in states])
@@ -99,6 +101,22 @@ class Run:
         touching = np.concatenate(([False], self.depth[:, part] + self.contact_force[:, part] > 0, [False]))
         begins, ends = np.flatnonzero(touching[1:] & ~touching[:-1]), np.flatnonzero(~touching[1:] & touching[:-1])
         return [(self.t[b], self.t[min(e, len(self.t) - 1)]) for b, e in zip(begins, ends)]
+
+    def numbers(self):
+        """What two runs are compared by: (what, unit, value)."""
+        last = self.states[-1]
+        rows = [("duration", "s", self.t[-1]), ("steps", "", last.step)]
+        rows += [(f"largest force, {name}", "N", force) for name, force in zip(FINGERS, self.step_commanded.max(axis=0))]
+        rows += [(f"mean force, {name}", "N", force) for name, force in zip(FINGERS, self.step_commanded.mean(axis=0))]
+        rows += [("deepest penetration", "mm", last.depth_max_m * 1e3), ("largest energy of the coupling", "mJ", self.energy.sum(axis=1).max() * 1e3),
+                 ("missed deadlines", "", last.missed_deadlines), ("frames lost", "", last.frames_lost), ("frames bad", "", last.frames_bad)]
+        for name in ("step", "wake"):
+            found = self.histogram(name)
+            if found:
+                rows += [(f"{name} time {q}", "us", getattr(found[2], f"{q}_us")) for q in ("p50", "p99", "max")]
+        for number, name in enumerate(self.objects):
+            rows.append((f"{name}: highest over its start", "mm", (self.position[:, number, 2].max() - self.position[0, number, 2]) * 1e3))
+        return rows
 
     def figures(self):
         """Rows of the summary table: what, value."""

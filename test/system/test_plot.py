@@ -43,12 +43,14 @@ def table(path):
 
 def check_tables(folder, states, stats):
     rows = table(folder + "/state.csv")
-    wrong = [r["time_s"] for r, s in zip(rows, states) if r["time_s"] != s.time_s or [r[f"commanded_{f}_n"] for f in FINGERS] != list(s.force_commanded_n)
-             or r["index_mpj_rad"] != s.angle_rad[4] or r["box_z_m"] != s.object[1].position_m[2]]
+    same = lambda a, b: abs(a - b) <= 1e-6 * abs(b)  # rounded to seven digits
+    wrong = [r["time_s"] for r, s in zip(rows, states) if not same(r["time_s"], s.time_s)
+             or not all(same(r[f"commanded_{f}_n"], n) for f, n in zip(FINGERS, s.force_commanded_n))
+             or not same(r["index_mpj_rad"], s.angle_rad[4]) or not same(r["box_z_m"], s.object[1].position_m[2])]
     verdict("the_table_is_the_log", f"at {wrong[:3]}" if wrong or len(rows) != len(states) else "")
     deepest = max(r["depth_index_m"] for r in rows)
     wanted = max((c.depth_m for s in states for c in s.contact if 3 <= c.limb < 6), default=0)
-    verdict("penetration_is_the_contacts", "" if deepest == wanted > 0 else f"{deepest} {wanted}")
+    verdict("penetration_is_the_contacts", "" if same(deepest, wanted) and wanted > 0 else f"{deepest} {wanted}")
     # At rest the coupling's force is k x, so its energy is f^2 / 2 k and t^2 / 2 k_t.
     still = next(i for i, s in enumerate(states) if s.time_s >= 1.5)
     k = stats[-1]
@@ -56,6 +58,9 @@ def check_tables(folder, states, stats):
     energy = sum(sum(x * x for x in limb.force_n) / (2 * k.limb_k_f) + sum(x * x for x in limb.torque_nm) / (2 * k.limb_k_t) for limb in limbs)
     verdict("energy_is_the_springs", "" if abs(rows[still]["energy_index_j"] / energy - 1) < 0.02 and energy > 1e-4 else f"{rows[still]['energy_index_j']} {energy}")
     steps = table(folder + "/steps.csv")
+    with open(folder + "/state.csv") as file:
+        longest = max(len(cell) for line in file.readlines()[1:] for cell in line.strip().split(","))
+    verdict("numbers_are_rounded", "" if longest <= 13 else f"{longest} characters")
     verdict("every_step_has_a_row", "" if len(steps) == states[-1].step else f"{len(steps)} of {states[-1].step}")
 
 
@@ -67,6 +72,8 @@ def check_pictures(folder, names):
     verdict("pictures_show_curves", "" if len(sizes) == len(names) and all(w > 1000 and h > 400 and c > 500 for w, h, c in sizes) else f"{sizes} {run.stderr}")
     with open(folder + "/index.html", encoding="utf-8") as file:
         page = file.read()
+    endings = [f"{n}.{e}" for n in names for e in ("pdf", "svg") if os.path.getsize(f"{folder}/{n}.{e}") < 3000]
+    verdict("pictures_are_pdf_and_svg_too", "" if not endings else f"{endings}")
     verdict("the_page_has_them_all", "" if all(f"src='{n}.png'" in page for n in names) and "armed -&gt; active" in page else page[:300])
 
 
@@ -126,13 +133,17 @@ def main():
         log = list(lcm.EventLog(folder + "/a.lcm"))
         states = [gloved.state_t.decode(e.data) for e in log if e.channel == "GLOVED_STATE"]
         stats = [gloved.stats_t.decode(e.data) for e in log if e.channel == "GLOVED_STATS"]
-        names = ["force", "penetration", "angles", "objects", "timing", "energy"]
+        kinds = ["force", "penetration", "force-penetration", "angles", "objects", "timing", "energy"]
+        names = [f"a-{kind}" for kind in kinds]
         check_tables(folder + "/a-plots", states, stats)
         check_pictures(folder + "/a-plots", names)
         check_mcap(folder + "/a-plots", states)
         run = plot("--compare", folder + "/a.lcm", folder + "/b.lcm", "--out", folder + "/two")
         verdict("two_runs_are_compared", "" if run.returncode == 0 else run.stderr)
-        check_pictures(folder + "/two", names)
+        check_pictures(folder + "/two", [f"a-b-{kind}" for kind in kinds])
+        with open(folder + "/two/index.html", encoding="utf-8") as file:
+            page = file.read()
+        verdict("two_runs_have_a_table_of_differences", "" if "<th>difference" in page and "largest force, index" in page else page[:300])
         check_bad_input(folder)
     return 1 if failed else 0
 
