@@ -54,7 +54,7 @@ $(GRASP): $(SCENE) $(B)/gloved-grasp
 	@mkdir -p $(@D)
 	$(Q)$(B)/gloved-grasp $(SCENE) -o $@
 
-## look: a hand grasps a thing, in 3D in the browser (PORT=7000, SCENE=FILE; LOG=FILE plays a log, LOG="A B" two side by side)
+## look: a hand grasps a thing, in 3D in the browser (PORT=7000, SCENE=FILE; FCU=hand: sliders move the hand; LOG=FILE plays a log, LOG="A B" two side by side)
 look: build/venv-look/.done $(if $(LOG),,$(B)/gloved $(SCENE) $(if $(OWN),$(SCRIPT)))
 	$(Q)$(if $(LOG),build/venv-look/bin/python tools/look.py --port $(or $(PORT),7000) $(LOG),\
 	  B=$(B) VIEWER="build/venv-look/bin/python tools/look.py" tools/view $(SCRIPT) $(SCENE))

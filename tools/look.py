@@ -19,6 +19,7 @@ import urllib.parse
 import lcm
 
 import gloved_log
+import hand_source
 import scene_mesh
 
 VIEWER = os.path.join(gloved_log.ROOT, "data", "viewer")
@@ -30,6 +31,8 @@ STATE = ("utime", "time_s", "safety_state", "faults", "dead_man", "glove_age_s",
          "wrist_position_m", "wrist_quaternion", "head_position_m", "head_quaternion", "limb", "object", "contact", "polygon",
          "position_m", "quaternion", "driver_position_m", "driver_quaternion", "name", "is_static", "limb", "object", "face", "piece",
          "depth_m", "normal", "force_n")
+POST_MAX = 2000
+ANSWER = ("position", "quaternion", "grips", "tensions", "dead_man", "forces", "other")
 ABOUT = ("version", "commit", "date", "fcu", "hand", "rate_hz", "scene", "scene_hash")
 
 
@@ -39,8 +42,9 @@ def plain(message, fields):
         return round(message, 6) if math.isfinite(message) else None
     if isinstance(message, (list, tuple)):
         return [plain(item, fields) for item in message]
-    if hasattr(message, "__slots__"):
-        return {name: plain(getattr(message, name), fields) for name in message.__slots__ if name in fields}
+    names = getattr(message, "__slots__", None) or getattr(message, "__dict__", None)
+    if names is not None:
+        return {name: plain(getattr(message, name), fields) for name in names if name in fields}
     return message
 
 
@@ -55,6 +59,20 @@ def layouts():
                       for kind, field, dimensions in re.findall(r"(\w+)\s+(\w+)((?:\[\w+\])*);", body)]
             out[name] = {"fingerprint": getattr(gloved_log.types(), name)._get_packed_fingerprint().hex(), "fields": fields}
     return out
+
+
+def move(hand, wanted):
+    """What the page asks of the hand, to gloved; the newest answer, or nothing. ValueError where it cannot be meant."""
+    if hand is None or not isinstance(wanted, dict):
+        raise ValueError("no hand")
+    if wanted.get("home"):
+        return hand.home()
+    if wanted.get("ask"):
+        return hand.ask()
+    lists = [[float(x) for x in wanted[name]] for name in ("position", "quaternion", "grips")]
+    if [len(x) for x in lists] != [3, 4, 5] or not all(math.isfinite(x) for one in lists for x in one):
+        raise ValueError("no pose")
+    return hand.send(*lists, dead_man=wanted.get("dead_man") is True)
 
 
 def careful(take):
@@ -115,6 +133,7 @@ class Page(http.server.BaseHTTPRequestHandler):
     picture = Picture()
     logs = ()   # paths of the logs to play
     names = ()  # that this server is called by; empty: any
+    hand = None  # hand_source.Hand, once main has made it
     scenes, reading = {}, threading.Lock()  # meshes of the last scene by its hash
 
     def is_for_us(self):
@@ -180,6 +199,28 @@ class Page(http.server.BaseHTTPRequestHandler):
                 self.send_file(kind, content, with_body)
         except OSError:
             pass  # the page was closed
+
+    def do_POST(self):
+        """/hand alone: what the page's sliders want of the hand of gloved --fcu hand:, in JSON; the answer says where it is."""
+        if not self.is_for_us():
+            return
+        host, origin, length = self.headers.get("Host", ""), self.headers.get("Origin"), self.headers.get("Content-Length", "")
+        if self.path != "/hand" or origin not in (None, "http://" + host) or self.headers.get("Content-Type") != "application/json":
+            self.send_error(403, "only this server's own page may do that")
+            return
+        try:
+            wanted = json.loads(self.rfile.read(int(length))) if 0 < int(length) <= POST_MAX else None
+            with self.reading:
+                told = move(self.hand, wanted)
+        except (ValueError, TypeError, KeyError, struct.error, OverflowError):
+            self.send_error(400)
+            return
+        try:
+            text = json.dumps(plain(told, ANSWER)).encode()
+            self.answer("application/json", len(text))
+            self.wfile.write(text)
+        except OSError:
+            pass
 
     def do_HEAD(self):
         self.respond(False)
@@ -258,6 +299,7 @@ def main():
     parser.add_argument("log", nargs="*", help="LCM log of a run (gloved --log); two are shown side by side")
     parser.add_argument("--host", default="localhost", help="0.0.0.0: other machines may look, too")
     parser.add_argument("--port", type=int, default=7000, help="of the page (7000)")
+    parser.add_argument("--hand-port", type=int, default=hand_source.PORT, help="as gloved's --fcu hand:?listen=N (20500): sliders move it")
     args = parser.parse_args()
     for log in args.log:
         if not os.access(log, os.R_OK):
@@ -266,7 +308,7 @@ def main():
         raise SystemExit("gloved-look: give one log, or two to compare")
     if not os.path.exists(THREE):
         raise SystemExit("gloved-look: three.js is missing; apt-get install libjs-three")
-    Page.logs = args.log
+    Page.logs, Page.hand = args.log, hand_source.Hand(args.hand_port)
     gloved_log.types()
     link = listen()
     serve(args.host, args.port)

@@ -6,6 +6,7 @@ import {Camera} from "./camera.js";
 import {makeRenderer, Room} from "./room.js";
 import {LiveRun, LogRun, SAFETY} from "./run.js";
 import {forceScale} from "./stage.js";
+import {Sliders} from "./sliders.js";
 import {Strips} from "./strips.js";
 
 const SILENT_MS = 1000, STATE_S = 0.02, STRIP_S = 10;
@@ -13,6 +14,7 @@ const SCALES_M = [0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5];
 const by = id => document.getElementById(id), asked = new URLSearchParams(location.search);
 
 const canvas = by("view"), renderer = makeRenderer(canvas), camera = new Camera(canvas), strips = new Strips(by("strips"));
+const sliders = new Sliders(by("sliders"));
 const live = new LiveRun(), rooms = [new Room()];
 let layouts = null, logs = [], time = 0, playing = true, followed = true, connected = true, dirty = true, drawn = 0;
 const show = {forces: true, contacts: false, polygons: false, measured: true, grid: true};
@@ -153,8 +155,21 @@ function place(run, room) {
   return part < 0.5 ? a : b;
 }
 
-function render() {
-  const width = canvas.clientWidth, height = canvas.clientHeight, ratio = window.devicePixelRatio || 1, each = width / rooms.length;
+// Without a graphics card a picture in full takes a tenth of a second: what moves is drawn coarser then, with every third shadow,
+// and in full when it stands.
+const COARSER = [1, 0.75, 0.55], SLOW_MS = 60, STILL_MS = 350;
+let coarse = 0, slow = 0, lastDrawn = 0;
+function reckon(now, passed_ms) {
+  slow = passed_ms > SLOW_MS ? slow + 1 : 0;
+  if (slow > 8 && coarse + 1 < COARSER.length) {
+    coarse++;
+    slow = 0;
+  }
+  lastDrawn = now;
+}
+
+function render(detail) {
+  const width = canvas.clientWidth, height = canvas.clientHeight, ratio = (window.devicePixelRatio || 1) * detail, each = width / rooms.length;
   const size = renderer.getSize(rooms[0].sun.position.clone());
   if (size.x !== width || size.y !== height || renderer.getPixelRatio() !== ratio) {
     renderer.setPixelRatio(ratio);
@@ -168,6 +183,8 @@ function render() {
     renderer.setViewport(i * each, 0, each, height);
     renderer.setScissor(i * each, 0, each, height);
     renderer.clear();
+    renderer.shadowMap.autoUpdate = detail === 1;
+    renderer.shadowMap.needsUpdate = drawn % 3 === 0;
     renderer.render(room.scene, camera.eye);
   });
 }
@@ -176,6 +193,7 @@ function tell(states) {
   const state = states[0], run = runs()[0], warning = failure || alarm();
   by("banner").hidden = !warning;
   by("banner").textContent = warning;
+  sliders.set(isLive() && connected && Boolean(live.about?.fcu.startsWith("hand:")));
   by("waiting").hidden = Boolean(state);
   by("play").textContent = playing ? "❚❚" : "▶";
   by("live").classList.toggle("on", isLive() && followed && connected);
@@ -210,7 +228,7 @@ function tellScale() {
   by("legend-polygons").hidden = !show.polygons;
 }
 
-let last = performance.now(), lastAlarm = 0;
+let last = performance.now(), lastAlarm = 0, drawnCoarse = false;
 function frame(now) {
   requestAnimationFrame(frame);
   const passed = Math.min(0.1, (now - last) / 1e3), eye = camera.eye.matrixWorld.elements.slice();
@@ -225,11 +243,14 @@ function frame(now) {
     lastAlarm = now;
     touch();
   }
-  if (!dirty) return;
+  const still = !dirty && coarse && drawnCoarse && now - lastDrawn > STILL_MS;
+  if (!dirty && !still) return;
+  if (dirty) reckon(now, now - last + passed * 1e3);
   dirty = false;
+  drawnCoarse = coarse > 0 && !still;
   const states = runs().map((run, i) => place(run, rooms[i]));
   if (!camera.aimed && rooms[0].stage.palm) touch();
-  render();
+  render(drawnCoarse ? COARSER[coarse] : 1);
   tell(states);
   drawn++;
 }
@@ -292,9 +313,10 @@ function wire() {
 window.gloved = {
   get shown() {
     const stage = rooms[0].stage;
-    return {whole: Boolean(stage.meshes), time, playing, live: isLive(), followed, drawn, runs: runs().map(run => run.name), end: end(), banner: by("banner").textContent,
+    return {sliders: !by("sliders").hidden, whole: Boolean(stage.meshes), time, playing, live: isLive(), followed, drawn, runs: runs().map(run => run.name), end: end(), banner: by("banner").textContent,
       hand: Boolean(stage.hand), objects: [...stage.objects.keys()], forces: stage.forces.filter(f => f.node.visible).length,
       contacts: stage.contacts.filter(c => c.visible).length, polygons: stage.polygons.children.filter(p => p.visible).length,
+      lifted: runs()[0].empty ? 0 : runs()[0].around(time).a.object.reduce((z, o) => Math.max(z, o.is_static ? 0 : o.position_m[2] - runs()[0].state(0).object.find(x => x.name === o.name).position_m[2]), 0),
       measured: stage.hand ? stage.hand.measured.filter(m => m.visible).length : 0, preset: camera.preset, state: by("state").textContent};
   },
 };

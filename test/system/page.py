@@ -17,7 +17,7 @@ from chromium import Browser  # noqa: E402
 
 B = os.environ["B"]
 URL = "udpm://239.255.76.67:7778?ttl=0"  # a port of its own: a running gloved is not disturbed
-PORT = 7017
+PORT, HAND_PORT = 7017, 20571
 PICTURES = os.path.join(B, "test", "view")
 failed = False
 
@@ -36,7 +36,7 @@ def record(folder, name, script, scene="data/scenes/box.scene"):
 
 
 def start_viewer(*logs):
-    viewer = subprocess.Popen([sys.executable, "tools/look.py", "--port", str(PORT), *logs], stdout=subprocess.PIPE, text=True,
+    viewer = subprocess.Popen([sys.executable, "tools/look.py", "--port", str(PORT), "--hand-port", str(HAND_PORT), *logs], stdout=subprocess.PIPE, text=True,
                               env=dict(os.environ, LCM_DEFAULT_URL=URL))
     viewer.stdout.readline()
     return viewer
@@ -222,6 +222,32 @@ def check_compare(folder, a, b):
     page.close()
 
 
+def check_sliders(folder):
+    """The hand of gloved --fcu hand: goes where the sliders say, and closes around the box."""
+    page = Page(folder)
+    verdict("no_sliders_without_such_a_hand", "" if not page.shown()["sliders"] else "they are there")
+    daemon = subprocess.Popen([B + "/gloved", "--fcu", f"hand:?listen={HAND_PORT}", "--scene", "box", "--lcm", URL, "--no-rt"], stdout=subprocess.DEVNULL,
+                              stderr=subprocess.DEVNULL)
+    verdict("sliders_come_with_it", "" if page.wait("shown.sliders && shown.hand", 30) else str(page.shown()))
+    page.settle()
+    page.click("#sliders button")
+    move = lambda i, value: page.browser.value(
+        f"{{const s = document.querySelectorAll('#sliders input')[{i}]; s.value = {value}; s.dispatchEvent(new Event('input'));}}")
+    move(1, -0.047)
+    page.browser.value("new Promise(done => setTimeout(done, 1500))")
+    move(6, 1)
+    verdict("the_hand_closes_around_the_box", "" if page.wait("shown.forces > 3", 15) else str(page.shown()))
+    page.browser.value("new Promise(done => setTimeout(done, 2000))")
+    move(2, 0.195)
+    page.browser.value("new Promise(done => setTimeout(done, 2000))")
+    page.picture("sliders")
+    verdict("and_lifts_it", "" if page.wait("shown.lifted > 0.1", 10) else str(page.shown()))
+    page.click("#sliders button")
+    verdict("no_complaint_with_sliders", "\n".join(page.browser.complaints))
+    stop(daemon)
+    page.close()
+
+
 def pixels_of(image, wanted):
     return sum(n for n, color in image.getcolors(1 << 24) if wanted(*color))
 
@@ -246,9 +272,9 @@ def check_bad_log(folder, log):
 
 
 def main():
-    for check in (check_live, check_log, check_compare, check_bad_log):
+    for check in (check_live, check_sliders, check_log, check_compare, check_bad_log):
         with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
-            logs = [] if check is check_live else [record(folder, "power", "power_box")]
+            logs = [] if check in (check_live, check_sliders) else [record(folder, "power", "power_box")]
             check(folder, *logs, *([record(folder, "pinch", "pinch_box")] if check is check_compare else []))
     return 1 if failed else 0
 

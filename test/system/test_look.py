@@ -116,6 +116,35 @@ def test_a_state_reaches_the_page_as_json(states):
     assert [o["name"] for o in told["object"]] == ["table", "box"] and len(told["contact"]) == len(states[-1].contact)
 
 
+def post(port, body, **headers):
+    link = http.client.HTTPConnection("127.0.0.1", port, timeout=10)
+    link.request("POST", headers.pop("path", "/hand"), body, {"Host": "localhost", "Content-Type": "application/json", **headers})
+    answer = link.getresponse()
+    return answer.status, answer.read()
+
+
+def test_sliders_reach_the_hand_and_no_other_page_does(server, monkeypatch):
+    class Hand:
+        sent = []
+
+        def send(self, *pose, dead_man):
+            self.sent.append((*pose, dead_man))
+
+        def ask(self):
+            return None
+    monkeypatch.setattr(look.Page, "hand", Hand())
+    good = json.dumps({"position": [0, 0, 0.1], "quaternion": [1, 0, 0, 0], "grips": [0, 0, 0, 0, 1], "dead_man": True})
+    assert post(server, good) == (200, b"null") and Hand.sent == [([0, 0, 0.1], [1, 0, 0, 0], [0, 0, 0, 0, 1], True)]
+    assert post(server, '{"ask": true}', Origin="http://localhost") == (200, b"null")
+    for headers in ({"Origin": "http://evil.example"}, {"Origin": "null"}, {"Content-Type": "text/plain"}, {"path": "/other"}):
+        assert post(server, good, **headers)[0] == 403, headers
+    assert post(server, good, Host="evil.example")[0] == 421
+    for bad in ("", "[]", "{}", "nonsense", good.replace("0.1", "NaN"), good.replace("0.1", "1e999"), good.replace("[0, 0, 0.1]", "[0, 0]"),
+                good.replace("0.1", '"x"'), "{" + " " * 3000 + "}"):
+        assert post(server, bad)[0] == 400, bad[:60]
+    assert len(Hand.sent) == 1
+
+
 def test_a_busy_port_names_both_ways_to_another():
     run = subprocess.run([sys.executable, "-c", "import sys; sys.path.insert(0, 'tools'); import look, socket\n"
                           "s = socket.create_server(('127.0.0.1', 0)); look.serve('127.0.0.1', s.getsockname()[1])"], capture_output=True, text=True, check=False)
@@ -131,12 +160,12 @@ class Modules:
         quickjs = pytest.importorskip("quickjs", reason="PyPI's quickjs is missing (make build/venv/.ready)")
         self.context = quickjs.Context()
         self.context.eval("globalThis.TextDecoder = class { decode(bytes) { return String.fromCharCode(...bytes); } };")
-        for name in ("lcm", "run", "skin"):
+        for name in ("lcm", "run", "skin", "sliders"):
             with open(f"{VIEWER}/{name}.js", encoding="utf-8") as file:
                 text = re.sub(r"^import .*\n", "", file.read(), flags=re.M)
             inside = re.sub(r"^export ", "", text, flags=re.M)
             exported = ", ".join(re.findall(r"^export (?:const|class|function) (\w+)", text, flags=re.M))
-            imported = "const {index, decode} = lcm;" if name == "run" else ""
+            imported = {"run": "const {index, decode} = lcm;", "sliders": "const {multiply} = skin;"}.get(name, "")
             self.context.eval(f"globalThis.{name} = (() => {{ {imported}\n{inside}\nreturn {{{exported}}}; }})();")
 
     def value(self, expression):
@@ -241,3 +270,10 @@ def test_the_skin_lies_on_the_capsules_that_touch(page):
         off = page.value(f"(() => {{ const b = bones[{limb}]; return skin.rotate(b.q, [0, 0, -hand.radius[{limb}]]).map((x, k) => x + b.p[k]); }})()")
         assert abs(page.value(f"shape.at({json.dumps(off)})")) < 0.0012, limb
     assert all(math.isfinite(x) for x in page.value("shape.gradient([0, 0, 0.02])"))
+
+
+def test_turns_and_quaternions_are_each_others_inverse(page):
+    for turns in ([90, 0, 0], [0, -40, 170], [-120, 35, -60]):
+        back = page.value(f"sliders.turnsOf(sliders.quaternionOf({turns}))")
+        assert max(abs(a - b) for a, b in zip(turns, back)) < 1e-9, (turns, back)
+    assert page.value("sliders.quaternionOf([90, 0, 0])") == pytest.approx([math.sqrt(0.5), math.sqrt(0.5), 0, 0])
