@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: BSD-3-Clause
-"""pictures.py BUILD FOLDER NAME=SCENE,SCRIPT[,ADDRESS]... - the page of gloved-look as FOLDER/NAME.png, for the documentation: each a run of
+"""pictures.py BUILD FOLDER NAME=SCENE,SCRIPT[,ADDRESS]... - the page of gloved-look as FOLDER/NAME.jpg, for the documentation: each a run of
 the simulated user as fast as it goes, played in headless Chromium at what ADDRESS says (time=7&camera=palm, see look.js)."""
 import io
 import os
@@ -33,7 +33,7 @@ def viewer(log):
 
 
 def take(folder, log, address):
-    """The page as a picture of 256 colours."""
+    """The page as a picture."""
     look = viewer(log)
     browser = Browser(folder, "about:blank")
     try:
@@ -42,7 +42,7 @@ def take(folder, log, address):
         if not browser.wait(LOADED, 60) or browser.complaints:
             raise SystemExit(f"pictures: the page does not show {log}: {browser.value('JSON.stringify(gloved.shown)')} {browser.complaints}")
         browser.value("new Promise(done => setTimeout(done, 1500))")
-        return Image.open(io.BytesIO(browser.picture())).convert("RGB").quantize(256, method=Image.Quantize.MAXCOVERAGE)
+        return Image.open(io.BytesIO(browser.picture())).convert("RGB")
     finally:
         browser.close()
         look.terminate()
@@ -58,8 +58,8 @@ def main():
         scene, script, *address = rest.split(",")
         with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
             picture = take(folder, record(build, folder, name, scene, script), address[0] if address else "time=7")
-        picture.save(os.path.join(out, name + ".png"), optimize=True)
-        print(os.path.join(out, name + ".png"))
+        picture.save(os.path.join(out, name + ".jpg"), quality=90, subsampling=0, optimize=True)
+        print(os.path.join(out, name + ".jpg"))
 
 
 if __name__ == "__main__":
