@@ -317,7 +317,7 @@ window.gloved = {
       hand: Boolean(stage.hand), objects: [...stage.objects.keys()], forces: stage.forces.filter(f => f.node.visible).length,
       contacts: stage.contacts.filter(c => c.visible).length, polygons: stage.polygons.children.filter(p => p.visible).length,
       lifted: runs()[0].empty ? 0 : runs()[0].around(time).a.object.reduce((z, o) => Math.max(z, o.is_static ? 0 : o.position_m[2] - runs()[0].state(0).object.find(x => x.name === o.name).position_m[2]), 0),
-      measured: stage.hand ? stage.hand.measured.filter(m => m.visible).length : 0, preset: camera.preset, state: by("state").textContent};
+      measured: stage.hand ? stage.hand.measured.filter(m => m.visible).length : 0, preset: camera.preset, eye: camera.eye.position.toArray(), state: by("state").textContent};
   },
 };
 

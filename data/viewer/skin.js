@@ -19,6 +19,8 @@ export const inverse = q => [q[0], -q[1], -q[2], -q[3]];
 export const rotate = (q, v) => multiply(multiply(q, [0, ...v]), inverse(q)).slice(1);
 const about = (axis, angle) => [Math.cos(angle / 2), ...scale(axis, Math.sin(angle / 2))];
 
+// How far behind the wrist the forearm ends, in a band.
+export const CUT = 0.05;
 export const PALM = 15, FOREARM = 16, BONES = 17;
 
 // Thumb at rest: its metacarpal out to the side, abduction 0 of hand.c's skeleton. Fingers: spread about z, bent about y.
@@ -131,7 +133,7 @@ export class Shape {
     let d = join(this.palm(p), fingers, 0.007);
     d = join(d, this.finger(p, 0), 0.011);
     d = join(d, this.forearm(p), 0.016);
-    return Math.max(d, this.wrist[0] - 0.06 - p[0]); // the forearm ends here
+    return Math.max(d, this.wrist[0] - CUT - p[0]); // the forearm ends here
   }
 
   gradient(p) {
@@ -263,7 +265,7 @@ export function makeSkin(hand, step = 0.0022) {
     grow(c.a, 0.02);
     grow(add(c.a, c.along), 0.02);
   }
-  grow([hand.wrist[0] - 0.06, hand.wrist[1], 0], 0.04);
+  grow([hand.wrist[0] - CUT, hand.wrist[1], 0], 0.04);
   const count = low.map((x, k) => Math.ceil((high[k] - x) / step) + 1);
   const {points, faces} = nets(sample(shape, low, count, step), low, count, step);
   for (let round = 0; round < 2; round++)

@@ -3,7 +3,8 @@
 // They are there only while such a gloved runs. Simulated forces are shown; none leaves a gloved that has this hand.
 import {multiply} from "./skin.js";
 
-const SEND_MS = 50, DEG = Math.PI / 180;
+const SEND_MS = 50, STEP_M = 0.01; // a slider may jump; the wrist then goes there at 0.2 m/s, so that what it holds can follow
+const DEG = Math.PI / 180;
 const about = (axis, deg) => [Math.cos(deg * DEG / 2), ...[0, 1, 2].map(k => (k === axis ? Math.sin(deg * DEG / 2) : 0))];
 const MOVES = [["x", "forward", -0.4, 0.4], ["y", "left", -0.4, 0.4], ["z", "up", 0, 0.5]];
 const TURNS = [["roll", "roll", -180, 180], ["pitch", "pitch", -90, 90], ["yaw", "yaw", -180, 180]];
@@ -68,12 +69,20 @@ export class Sliders {
 
   wanted() {
     const value = name => Number(this.input[name].value);
-    return {position: MOVES.map(([name]) => value(name)), quaternion: quaternionOf(TURNS.map(([name]) => value(name))), grips: FINGERS.map(value)};
+    this.at = MOVES.map(([name], k) => {
+      const way = value(name) - (this.at?.[k] ?? value(name));
+      return value(name) - way + Math.max(-STEP_M, Math.min(STEP_M, way));
+    });
+    return {position: this.at, quaternion: quaternionOf(TURNS.map(([name]) => value(name))), grips: FINGERS.map(value)};
   }
 
   async post(message) {
     if (this.waiting) return null;
     this.waiting = true;
+    if (this.home) {
+      message = {home: true};
+      this.home = false;
+    }
     try {
       const answer = await fetch("/hand", {method: "POST", headers: {"Content-Type": "application/json"}, body: JSON.stringify(message)});
       return await answer.json();
@@ -94,12 +103,13 @@ export class Sliders {
     const now = await this.post({ask: true});
     if (now?.position) this.put(now);
   }
-  async goHome() {
+  goHome() { // with the next message
     this.take(false);
-    await this.post({home: true});
+    this.home = true;
   }
 
   put({position, quaternion, grips}) {
+    this.at = position;
     MOVES.forEach(([name], k) => { this.input[name].value = position[k]; });
     turnsOf(quaternion).forEach((turn, k) => { this.input[TURNS[k][0]].value = turn; });
     FINGERS.forEach((name, k) => { this.input[name].value = grips[k]; });

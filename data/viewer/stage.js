@@ -2,7 +2,7 @@
 // One run in 3D: table and objects with their edges, the simulated hand in its skin, the measured one as thin lines
 // where it differs, forces as arrows, contacts and touched polygons. Drawn with three.js (Debian's libjs-three).
 import * as THREE from "/three.js";
-import {BONES, FOREARM, PALM, inverse, makeSkin, measure, multiply, rotate} from "./skin.js";
+import {BONES, CUT, FOREARM, PALM, inverse, makeSkin, measure, multiply, rotate} from "./skin.js";
 
 // Arrows: metres a newton, the first with which the strongest force of the run stays below ARROW_M.
 const SCALES_M_PER_N = [0.025, 0.01, 0.005, 0.0025, 0.001], ARROW_M = 0.12;
@@ -214,12 +214,11 @@ export class Stage {
   // The receiver of the tracker on a band around the wrist.
   makeBand(hand, node) {
     const band = new THREE.Group(), dark = new THREE.MeshStandardMaterial({color: color("#3a3f47"), roughness: 0.8});
-    const strap = new THREE.Mesh(new THREE.CylinderBufferGeometry(0.0212, 0.0216, 0.02, 48, 1, true).rotateZ(Math.PI / 2), dark);
+    const strap = new THREE.Mesh(new THREE.CylinderBufferGeometry(0.0212, 0.0216, 0.026, 48).rotateZ(Math.PI / 2), dark);
     const receiver = new THREE.Mesh(new THREE.BoxBufferGeometry(0.024, 0.022, 0.011), dark);
-    dark.side = THREE.DoubleSide;
     strap.scale.set(1, 1.6, 1);
-    strap.position.x = -0.045;
-    receiver.position.set(-0.045, 0, 0.026);
+    strap.position.x = 0.008 - CUT;
+    receiver.position.set(0.008 - CUT, 0, 0.026);
     for (const part of [strap, receiver]) part.castShadow = part.receiveShadow = true;
     band.add(strap, receiver);
     node.add(band);

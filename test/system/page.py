@@ -151,6 +151,7 @@ def check_log(folder, log):
         views[preset] = page.picture(preset)
     same = [name for name in ("side", "top", "back") if differ(views["palm"], views[name]) < 30000]
     verdict("presets_look_from_elsewhere", " ".join(same))
+    verdict("no_view_of_a_head_without_a_tracker", "" if page.browser.value("document.querySelector('[data-preset=head]').disabled") else "the button can be pressed")
     page.key("1")
     check_switches(page)
     check_time(page)
@@ -208,6 +209,20 @@ def check_help_and_window(page):
     page.browser.size(1280, 800)
 
 
+def check_head(folder):
+    """A tracker on the head: the view is from there."""
+    script = os.path.join(folder, "head.user")
+    with open("data/scripts/power_box.user", encoding="utf-8") as source, open(script, "w", encoding="utf-8") as out:
+        out.write("head -0.45 0.25 0.5 0 35 -30\n" + source.read())
+    page = Page(folder, record(folder, "head", script), address="time=6&camera=head")
+    page.wait("!shown.live && shown.hand && shown.drawn > 3")
+    page.settle()
+    eye = page.shown()["eye"]
+    seen = pixels(page.picture("head-tracker"), skin)
+    verdict("the_view_is_from_the_head", "" if max(abs(a - b) for a, b in zip(eye, (-0.45, 0.25, 0.5))) < 0.001 and seen > 5000 else f"{eye} {seen}")
+    page.close()
+
+
 def check_compare(folder, a, b):
     page = Page(folder, a, b, address="time=6")
     verdict("two_runs_side_by_side", "" if page.wait("shown.runs.length === 2 && shown.hand && shown.time === 6") else str(page.shown()))
@@ -242,7 +257,8 @@ def check_sliders(folder):
     page.browser.value("new Promise(done => setTimeout(done, 2000))")
     page.picture("sliders")
     verdict("and_lifts_it", "" if page.wait("shown.lifted > 0.1", 10) else str(page.shown()))
-    page.click("#sliders button")
+    page.click("#sliders .buttons button:nth-child(2)")
+    verdict("home_opens_the_hand", "" if page.wait("shown.lifted < 0.02 && shown.forces === 0", 15) else str(page.shown()))
     verdict("no_complaint_with_sliders", "\n".join(page.browser.complaints))
     stop(daemon)
     page.close()
@@ -272,9 +288,9 @@ def check_bad_log(folder, log):
 
 
 def main():
-    for check in (check_live, check_sliders, check_log, check_compare, check_bad_log):
+    for check in (check_live, check_sliders, check_head, check_log, check_compare, check_bad_log):
         with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
-            logs = [] if check in (check_live, check_sliders) else [record(folder, "power", "power_box")]
+            logs = [] if check in (check_live, check_sliders, check_head) else [record(folder, "power", "power_box")]
             check(folder, *logs, *([record(folder, "pinch", "pinch_box")] if check is check_compare else []))
     return 1 if failed else 0
 

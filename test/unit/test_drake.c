@@ -157,6 +157,22 @@ static void test_a_mesh_that_fits_stays_and_a_large_one_is_thinned(void) {
   }
 }
 
+// A link is the scene file's frame, as in GLOVED_STATE: a mesh about the centre of mass lies off it by the centre.
+static void test_links_of_objects_are_the_frames_of_the_scene_file(void) {
+  const gv_pose *T;
+  make_snapshot(0);
+  object[1].center_m = gv_v3(0.01, 0.02, 0.03);
+  gv_drake_init(&drake, &hand, &scene);
+  snapshot.object[1].T_world_body = (gv_pose){gv_quat_axis_angle(gv_v3(0, 0, 1), 0.5 * GV_PI), gv_v3(1, 2, 3)};
+  gv_drake_update(&drake, &snapshot);
+  const gv_drake_link *ball = find("objects::ball", &T);
+  CHECK(gv_norm(gv_sub(T->p, gv_v3(1.02, 1.99, 2.97))) < 1e-12, "%g %g %g", T->p.x, T->p.y, T->p.z);
+  const gv_vec3 middle = gv_transform(*T, ball->p_link_shape);
+  CHECK(gv_norm(gv_sub(middle, gv_v3(1, 2, 3))) < 1e-12, "%g %g %g", middle.x, middle.y, middle.z);
+  object[1].center_m = gv_v3(0, 0, 0);
+  gv_drake_init(&drake, &hand, &scene);
+}
+
 static void test_no_state_breaks_a_pose(void) {
   for (int contacts = 0; contacts <= GV_MAX_CONTACTS; contacts += 16) {
     make_snapshot(contacts);
@@ -247,6 +263,7 @@ int main(void) {
   RUN(test_every_shape_is_one_the_viewer_takes);
   RUN(test_a_limb_is_as_large_as_in_the_engine);
   RUN(test_a_mesh_that_fits_stays_and_a_large_one_is_thinned);
+  RUN(test_links_of_objects_are_the_frames_of_the_scene_file);
   RUN(test_no_state_breaks_a_pose);
   RUN(test_arrows_are_as_long_as_the_force);
   RUN(test_the_strongest_contacts_are_shown);
