@@ -160,6 +160,7 @@ static void test_a_mesh_that_fits_stays_and_a_large_one_is_thinned(void) {
 // A link is the scene file's frame, as in GLOVED_STATE: a mesh about the centre of mass lies off it by the centre.
 static void test_links_of_objects_are_the_frames_of_the_scene_file(void) {
   const gv_pose *T;
+  const gv_hand_model hand = gv_hand_model_default(GV_RIGHT);
   make_snapshot(0);
   object[1].center_m = gv_v3(0.01, 0.02, 0.03);
   gv_drake_init(&drake, &hand, &scene);
