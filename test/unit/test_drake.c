@@ -157,14 +157,15 @@ static void test_a_mesh_that_fits_stays_and_a_large_one_is_thinned(void) {
   }
 }
 
-// A link is the scene file's frame, as in GLOVED_STATE: a mesh about the centre of mass lies off it by the centre.
+// A link is the scene file's frame, as in GLOVED_STATE: a mesh about its centre of mass lies off it by that.
 static void test_links_of_objects_are_the_frames_of_the_scene_file(void) {
   const gv_pose *T;
   const gv_hand_model hand = gv_hand_model_default(GV_RIGHT);
   make_snapshot(0);
   object[1].center_m = gv_v3(0.01, 0.02, 0.03);
   gv_drake_init(&drake, &hand, &scene);
-  snapshot.object[1].T_world_body = (gv_pose){gv_quat_axis_angle(gv_v3(0, 0, 1), 0.5 * GV_PI), gv_v3(1, 2, 3)};
+  snapshot.object[1].T_world_body = (gv_pose){gv_quat_axis_angle(gv_v3(0, 0, 1), 0.5 * GV_PI),
+                                              gv_v3(1, 2, 3)};
   gv_drake_update(&drake, &snapshot);
   const gv_drake_link *ball = find("objects::ball", &T);
   CHECK(gv_norm(gv_sub(T->p, gv_v3(1.02, 1.99, 2.97))) < 1e-12, "%g %g %g", T->p.x, T->p.y, T->p.z);
