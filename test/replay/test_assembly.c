@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // Assembly: a scripted user's hand presses a lever, pulls a drawer, opens a lid, takes the top of a
-// stack and puts a peg into a hole, without clock or descriptor. Each scene's own rule is judged, and
-// the hash of every end state (assembly.golden; `test_assembly --update` writes it anew). `test_assembly
-// SCENE SCRIPT [MS]` shows how it goes.
+// stack, puts a peg into a hole and drops a bolt into a bore, without clock or descriptor. Each scene's
+// own rule is judged, and the hash of every end state (assembly.golden; `test_assembly --update` writes it
+// anew). `test_assembly SCENE SCRIPT [MS]` shows how it goes.
 #include <inttypes.h>
 #include <string.h>
 
@@ -294,6 +294,34 @@ static void jam_the_peg(void) {
   finish();
 }
 
+// Let go in the bore's chamfer, the bolt drops by 20 mm until its head lies on the rim, 2 mm above where
+// it stood on the table, and lies still.
+static void drop_the_bolt(void) {
+  begin("bolt", "bolt_in_bore");
+  const double start_z = pose("bolt").p.z;
+  run_to(8400);
+  const double held_z = pose("bolt").p.z;
+  CHECK(held_z - start_z > 0.02, "%s: held %g m above its start", gv_solver_name(solver), held_z - start_z);
+  run_to(10800);
+  const gv_pose before = pose("bolt");
+  run_to(11500);
+  const gv_pose T = pose("bolt");
+  const double turned = gv_norm(gv_quat_log(gv_quat_mul(T.q, gv_quat_conj(before.q))));
+  const gv_vec3 up = gv_rotate(T.q, gv_v3(0, 0, 1));
+  printf("# bolt, %s: seated within %.4f mm, off the middle %.3f mm, sank in by at most %.4f mm\n",
+         gv_solver_name(solver), 1e3 * fabs(T.p.z - start_z - 0.002), 1e3 * hypot(T.p.x, T.p.y - 0.15),
+         1e3 * depth_m);
+  CHECK(fabs(T.p.z - start_z - 0.002) < 5e-5, "%s: the bolt is %g m above its start", gv_solver_name(solver),
+        T.p.z - start_z);
+  CHECK(hypot(T.p.x, T.p.y - 0.15) < 3e-4, "at %g, %g m", T.p.x, T.p.y);
+  CHECK(hypot(up.x, up.y) < 1e-3, "leans by %g rad", hypot(up.x, up.y));
+  CHECK(gv_norm(gv_sub(T.p, before.p)) < 1e-6 && turned < 1e-5, "it jitters by %g m, %g rad",
+        gv_norm(gv_sub(T.p, before.p)), turned);
+  CHECK(depth_m < 5e-5, "%s: sinks in by %g mm", gv_solver_name(solver), depth_m * 1e3);
+  check_golden("bolt");
+  finish();
+}
+
 static void in_every_solver(void (*rule)(void)) {
   for (int s = 0; s < SOLVERS; s++) {
     solver = solvers[s];
@@ -306,6 +334,7 @@ static void test_drawer(void) { in_every_solver(pull_the_drawer); }
 static void test_lid(void) { in_every_solver(open_the_lid); }
 static void test_stack(void) { in_every_solver(take_the_top); }
 static void test_peg_goes_in(void) { in_every_solver(put_in_the_peg); }
+static void test_bolt_drops_into_its_bore(void) { in_every_solver(drop_the_bolt); }
 static void test_turned_peg_jams(void) { in_every_solver(jam_the_peg); }
 
 int main(int argc, char **argv) {
@@ -323,6 +352,7 @@ int main(int argc, char **argv) {
   RUN(test_stack);
   RUN(test_peg_goes_in);
   RUN(test_turned_peg_jams);
+  RUN(test_bolt_drops_into_its_bore);
   if (update)
     write_golden();
   return check_done();
