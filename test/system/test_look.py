@@ -218,9 +218,11 @@ def test_damaged_logs_are_answered_in_words(page, log):
         sound = file.read()
     page.open("cut.lcm", sound[:len(sound) // 2])
     assert page.value("opened.curves.t.length") > 10
+    events = [at for at in range(len(sound)) if sound.startswith(b"\xed\xa1\xda\x01", at)]
     spoiled = bytearray(sound)
-    for at in range(5000, len(spoiled), 7001):
-        spoiled[at] ^= 0xff
+    for number, at in enumerate(events[::7]):
+        name = int.from_bytes(sound[at + 20:at + 24], "big")
+        spoiled[at + (0, 24, 28 + name)[number % 3]] ^= 0xff  # its beginning, its length, its message's fingerprint
     page.open("spoiled.lcm", bytes(spoiled))
     assert page.value("opened.damaged") > 0 and page.value("opened.curves.t.length") > 10
     for bad in (b"", b"this is no log\n" * 100, sound[:200]):
