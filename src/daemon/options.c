@@ -115,6 +115,14 @@ static void set_text(char out[GV_SETTING_TEXT], const char *value) {
     snprintf(out, GV_SETTING_TEXT, "%s", value);
 }
 
+// As every LCM program: --lcm, else the configuration, else LCM_DEFAULT_URL, else the default.
+static const char *lcm_url(const gv_options *options, const gv_settings *settings) {
+  gv_settings defaults;
+  gv_settings_default(&defaults);
+  const bool said = options->lcm || strcmp(settings->lcm, defaults.lcm) != 0;
+  return said ? options->lcm : getenv("LCM_DEFAULT_URL");
+}
+
 static void set_names(const gv_options *options, gv_settings *out) {
   char found[GV_SETTING_TEXT];
   set_text(out->scene, options->scene);
@@ -122,7 +130,7 @@ static void set_names(const gv_options *options, gv_settings *out) {
     set_text(out->scene, found);
   set_text(out->fcu, options->fcu);
   set_text(out->tracker, options->tracker);
-  set_text(out->lcm, options->lcm);
+  set_text(out->lcm, lcm_url(options, out));
   set_text(out->black_box, options->black_box);
 }
 
@@ -217,7 +225,8 @@ const char *gv_options_help(void) {
          "  --solver NAME     contact solver: auto (newton; what it leaves to ODE's), newton, dantzig or "
          "quickstep\n"
          "  --duration S      end after S seconds\n"
-         "  --lcm URL|none    where to publish (udpm://239.255.76.67:7667?ttl=0)\n"
+         "  --lcm URL|none    where to publish (LCM_DEFAULT_URL, else\n"
+         "                    udpm://239.255.76.67:7667?ttl=0)\n"
          "  --log FILE.lcm    write what is published into a log, too\n"
          "  --record FILE     write every frame in and out as a candump -L log; --fcu trace:FILE replays it\n"
          "  --black-box DIR|none  folder for the ten seconds before a fault (~/.local/state/gloved, a "

@@ -168,6 +168,11 @@ verdict config_over_defaults $? "$(cat "$tmp/out")"
 "$gloved" --config "$tmp/rate.conf" --rate 2000 --check --fcu "$press" > "$tmp/out" 2>&1 && grep -q '2000 Hz, step 0.5 ms' "$tmp/out"
 verdict command_line_over_config $? "$(cat "$tmp/out")"
 
+# Where to publish: the option, the configuration, the environment, in this order.
+url() { LCM_DEFAULT_URL=memq://environment "$gloved" --check --fcu "$press" "$@" 2> /dev/null | sed -n 's/^lcm *//p'; }
+[ "$(url)" = memq://environment ] && [ "$(url --lcm none)" = none ] && [ "$(url --config "$tmp/rate.conf")" = none ]
+verdict lcm_url_of_the_environment $? "$(url) $(url --lcm none) $(url --config "$tmp/rate.conf")"
+
 "$gloved" --solver dantzig --check --fcu "$press" --lcm none > "$tmp/out" 2>&1 && grep -q 'solver dantzig, narrow phase core' "$tmp/out"
 verdict check_says_the_solver $? "$(cat "$tmp/out")"
 for solver in newton dantzig quickstep; do

@@ -57,7 +57,8 @@ static const gv_setting process[] = {
           "serial:DEVICE?type=cyberglove|lucidglove|doglove"),
   PROCESS("", "tracker", GV_SETTING_TEXT_OF, tracker, 0, 0,
           "empty: the wrist's pose comes with the fcu; serial:DEVICE?type=fastrak"),
-  PROCESS("", "lcm", GV_SETTING_TEXT_OF, lcm, 0, 0, "ttl=0 stays on this machine; \"none\": publish nothing"),
+  PROCESS("", "lcm", GV_SETTING_TEXT_OF, lcm, 0, 0,
+          "ttl=0 stays on this machine; \"none\": publish nothing; LCM_DEFAULT_URL replaces the default"),
   PROCESS("", "black_box", GV_SETTING_TEXT_OF, black_box, 0, 0,
           "folder for the ten seconds before a fault; empty: the state directory; \"none\":\n"
           "they are not kept"),
