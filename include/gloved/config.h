@@ -44,6 +44,8 @@ typedef struct gv_config {
   gv_coupling limb, palm;
   gv_rotation_law rotation_law;
   bool limb_gravity;        // gravity acts on the limbs' own mass (the paper's world has it)
+  bool finger_joints;       // ball joints between the limbs of a finger hold its bones' ends together; the
+                            // paper's limbs have none, and a far one can end up behind an object
   double filter_hz;         // highest corner of the critically damped sample filter; 0: off. Delay 1
                             // / (pi corner)
   double filter_rest_hz;    // corner for what stands still; it goes up with speed, to filter_hz at

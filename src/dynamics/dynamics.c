@@ -15,6 +15,7 @@ struct gv_dynamics {
   const gv_config *cfg;
   const gv_scene *scene;
   bool broken[GV_MAX_JOINTS];
+  gv_joint finger_joint[GV_FINGER_JOINTS];
   gv_bodies bodies;
   gv_choice choice;
   gv_problem problem;               // of this step
@@ -37,6 +38,7 @@ gv_dynamics *gv_dynamics_create(gv_arena *arena, const gv_config *cfg, const gv_
   dyn->cfg = cfg;
   dyn->scene = scene;
   dyn->choice = choice;
+  gv_finger_joints_init(&cfg->hand, dyn->finger_joint);
   gv_bodies_init(&dyn->bodies, cfg, scene, spring, limb_inertia);
   return dyn;
 }
@@ -136,6 +138,8 @@ static void state_problem(gv_dynamics *dyn, const gv_dynamics_contact contact[],
   }
   gv_problem_set_contacts(problem, dyn->cfg, contact, count, dyn->index);
   gv_problem_set_joints(problem, dyn->cfg, dyn->scene, dyn->bodies.state, dyn->broken);
+  if (dyn->cfg->finger_joints)
+    gv_problem_add_finger_joints(problem, dyn->cfg, dyn->finger_joint, dyn->bodies.state);
 }
 
 // No solver has an answer: what touches something stays where it is for this step.
@@ -158,7 +162,7 @@ static void stop_touched(gv_dynamics *dyn) {
 // A joint that carried more than it can is gone in the next step. Returns how many broke.
 static int break_joints(gv_dynamics *dyn) {
   int count = 0;
-  for (int i = 0; i < dyn->problem.joint_count; i++) {
+  for (int i = 0; i < dyn->scene->joint_count; i++) {
     const double most = dyn->scene->joint[i].break_force_n;
     if (!(most > 0.0) || dyn->broken[i])
       continue;

@@ -32,14 +32,13 @@ double gv_joint_position(const gv_joint *joint, gv_pose T_world_a, gv_pose T_wor
   return angle < -GV_PI ? angle + 2.0 * GV_PI : angle;
 }
 
-static gv_problem_joint place_joint(const gv_joint *joint, const gv_body_state state[]) {
-  gv_problem_joint j = {.joint = joint, .body_a = GV_LIMBS + joint->object_a, .body_b = GV_WORLD};
-  j.T_world_a = gv_pose_mul(state[j.body_a].T, joint->T_a_joint);
+static gv_problem_joint place_joint(const gv_joint *joint, int body_a, int body_b,
+                                    const gv_body_state state[]) {
+  gv_problem_joint j = {.joint = joint, .body_a = body_a, .body_b = body_b};
+  j.T_world_a = gv_pose_mul(state[body_a].T, joint->T_a_joint);
   j.T_world_b = joint->T_b_joint;
-  if (joint->object_b != GV_WORLD) {
-    j.body_b = GV_LIMBS + joint->object_b;
-    j.T_world_b = gv_pose_mul(state[j.body_b].T, joint->T_b_joint);
-  }
+  if (body_b != GV_WORLD)
+    j.T_world_b = gv_pose_mul(state[body_b].T, joint->T_b_joint);
   j.position = gv_joint_position(joint, j.T_world_a, j.T_world_b);
   return j;
 }
@@ -208,8 +207,37 @@ void gv_problem_set_joints(gv_problem *problem, const gv_config *cfg, const gv_s
   problem->row_count = 0;
   for (int i = 0; i < scene->joint_count; i++) {
     gv_problem_joint *j = &problem->joint[i];
-    *j = place_joint(&scene->joint[i], state);
+    const gv_joint *joint = &scene->joint[i];
+    const int other = joint->object_b == GV_WORLD ? GV_WORLD : GV_LIMBS + joint->object_b;
+    *j = place_joint(joint, GV_LIMBS + joint->object_a, other, state);
     if (!broken[i] && problem->body[j->body_a].mass > 0.0)
+      state_joint(problem, cfg, j);
+  }
+}
+
+// ---- the fingers ----------------------------------------------------------------------------------
+
+// The ends of two bones in their limbs' frames, x distal.
+void gv_finger_joints_init(const gv_hand_model *hand, gv_joint out_joint[GV_FINGER_JOINTS]) {
+  for (int i = 0; i < GV_FINGER_JOINTS; i++) {
+    const int near = 3 * (i / 2) + i % 2;
+    const double end = hand->segment_m[i / 2][i % 2] - gv_hand_half_length(hand, near);
+    gv_joint *joint = &out_joint[i];
+    *joint = (gv_joint){.kind = GV_JOINT_BALL};
+    joint->T_a_joint = (gv_pose){gv_quat_identity(), {-gv_hand_half_length(hand, near + 1), 0, 0}};
+    joint->T_b_joint = (gv_pose){gv_quat_identity(), {end, 0, 0}};
+  }
+}
+
+// The limbs of a finger follow each other in number.
+void gv_problem_add_finger_joints(gv_problem *problem, const gv_config *cfg,
+                                  const gv_joint joint[GV_FINGER_JOINTS], const gv_body_state state[]) {
+  for (int i = 0; i < GV_FINGER_JOINTS; i++) {
+    assert(problem->joint_count < GV_PROBLEM_JOINTS);
+    const int near = 3 * (i / 2) + i % 2;
+    gv_problem_joint *j = &problem->joint[problem->joint_count++];
+    *j = place_joint(&joint[i], near + 1, near, state);
+    if (problem->body[near].mass > 0.0)
       state_joint(problem, cfg, j);
   }
 }

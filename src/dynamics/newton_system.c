@@ -27,7 +27,7 @@ static void add_node(gv_newton *s, const gv_problem *problem, int body) {
   s->node_of[body] = s->nodes++;
 }
 
-// The one body that each limb touches, which itself must not be a leaf.
+// The one body that each limb touches, which itself must not be a leaf. A limb in a joint is none.
 static void find_partners(const gv_newton *s, const gv_problem *problem, int out_partner[GV_LIMBS]) {
   for (int i = 0; i < GV_LIMBS; i++)
     out_partner[i] = NOBODY;
@@ -40,6 +40,13 @@ static void find_partners(const gv_newton *s, const gv_problem *problem, int out
       continue;
     int *partner = &out_partner[c->body_a];
     *partner = *partner == NOBODY || *partner == other ? other : MANY;
+  }
+  for (int i = 0; i < problem->row_count; i++) {
+    const gv_problem_row *row = &problem->row[i];
+    if (is_limb(row->body_a))
+      out_partner[row->body_a] = MANY;
+    if (row->body_b != GV_WORLD && is_limb(row->body_b))
+      out_partner[row->body_b] = MANY;
   }
 }
 

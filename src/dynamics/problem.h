@@ -65,9 +65,11 @@ typedef struct gv_problem_joint {
 } gv_problem_joint;
 
 enum {
-  GV_JOINT_HELD = 6,  // rows that hold a joint together, at most
-  GV_JOINT_ROWS = 9,  // with limit, friction and spring
-  GV_MAX_ROWS = GV_MAX_JOINTS * GV_JOINT_ROWS
+  GV_JOINT_HELD = 6,                  // rows that hold a joint together, at most
+  GV_JOINT_ROWS = 9,                  // with limit, friction and spring
+  GV_FINGER_JOINTS = 2 * GV_FINGERS,  // of the hand, where its limbs are joined
+  GV_PROBLEM_JOINTS = GV_MAX_JOINTS + GV_FINGER_JOINTS,
+  GV_MAX_ROWS = GV_PROBLEM_JOINTS * GV_JOINT_ROWS
 };
 
 typedef struct gv_problem {
@@ -77,7 +79,7 @@ typedef struct gv_problem {
   gv_problem_body body[GV_BODIES];
   gv_problem_contact contact[GV_MAX_CONTACTS];
   int joint_count, row_count;
-  gv_problem_joint joint[GV_MAX_JOINTS];
+  gv_problem_joint joint[GV_PROBLEM_JOINTS];  // the scene's, then the fingers'
   gv_problem_row row[GV_MAX_ROWS];
 } gv_problem;
 
@@ -105,6 +107,10 @@ void gv_problem_set_contacts(gv_problem *problem, const gv_config *cfg, const gv
 // with poses of this step; the problem's bodies and step are there already.
 void gv_problem_set_joints(gv_problem *problem, const gv_config *cfg, const gv_scene *scene,
                            const gv_body_state state[], const bool broken[GV_MAX_JOINTS]);
+// Adds the ball joints between the limbs of each finger, as the hand's bones have them.
+void gv_finger_joints_init(const gv_hand_model *hand, gv_joint out_joint[GV_FINGER_JOINTS]);
+void gv_problem_add_finger_joints(gv_problem *problem, const gv_config *cfg,
+                                  const gv_joint joint[GV_FINGER_JOINTS], const gv_body_state state[]);
 // The part of a position error that a step takes back, as ODE has it.
 #define GV_JOINT_ERP 0.2
 // Force across a joint of this step, N: of the rows that hold its bodies together,

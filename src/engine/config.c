@@ -101,6 +101,9 @@ const gv_setting gv_engine_settings[GV_ENGINE_SETTINGS] = {
   CHOICE("coupling", "rotation_law", rotation_law, rotation_laws,
          "torque along the rotation vector; \"paper\": Eqn 3 and 4, fading beyond 90 degrees"),
   BOOL("coupling", "limb_gravity", limb_gravity, "the limbs have weight"),
+  BOOL("coupling", "finger_joints", finger_joints,
+       "joints between the limbs of a finger: none ends up behind what the finger\n"
+       "touches; a step takes up to 2.2 times as long"),
   SPRING("coupling.limb", limb_mass_kg, limb, "", "N/m", "N s/m; below 0: critical damping", "N m/rad",
          "N m s/rad; below 0: critical damping"),
   SPRING("coupling.palm", palm_mass_kg, palm, "", "", "", "", ""),

@@ -210,12 +210,13 @@ static void pull_limbs(gv_engine *e) {
 
 static void count_step(gv_engine *e, gv_solver_report report) {
   gv_counters *c = &e->counters;
+  const bool joined = e->scene->joint_count > 0 || (e->cfg.finger_joints && e->placed);
   switch (report.solver) {
     case GV_SOLVER_NEWTON: c->newton_steps++; break;
     case GV_SOLVER_DANTZIG: c->dantzig_steps++; break;
     case GV_SOLVER_QUICKSTEP: c->quickstep_steps++; break;
     case GV_SOLVER_AUTO:
-    case GV_SOLVERS: c->unsolved_steps += e->contact_count + e->scene->joint_count > 0; break;
+    case GV_SOLVERS: c->unsolved_steps += e->contact_count > 0 || joined; break;
   }
   c->newton_softened += report.outcome == GV_OUTCOME_SOFTENED;
   c->dantzig_lagged += report.outcome == GV_OUTCOME_LAGGED;

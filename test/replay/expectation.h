@@ -31,10 +31,11 @@ typedef enum variant {
   VARIANT_LIBCCD,
   VARIANT_STOCK,
   VARIANT_PAPER,
+  VARIANT_FINGER_JOINTS,
   VARIANTS
 } variant;
 static const char *const variant_name[VARIANTS] = {"default", "newton", "dantzig", "quickstep",
-                                                   "libccd",  "stock",  "paper"};
+                                                   "libccd",  "stock",  "paper",   "finger_joints"};
 
 static inline gv_config variant_config(variant v) {
   gv_config c = v == VARIANT_PAPER   ? gv_config_paper()
@@ -48,6 +49,7 @@ static inline gv_config variant_config(variant v) {
     c.solver = GV_SOLVER_QUICKSTEP;
   if (v == VARIANT_LIBCCD)
     c.narrow = GV_NARROW_LIBCCD;
+  c.finger_joints = v == VARIANT_FINGER_JOINTS;
   return c;
 }
 

@@ -11,6 +11,7 @@
 #include "engine/engine_state.h"
 #include "gloved/drivers.h"
 #include "replay/expectation.h"
+#include "support/bones.h"
 
 enum { REPLAY_MEMORY = 48 << 20 };
 
@@ -22,6 +23,7 @@ typedef struct measures {
   long loaded, outside;                        // contacts with a force while held, and those beyond
                                                // Coulomb's cone
   double worst_friction;                       // friction / (mu x normal force) of those
+  double apart_m;                              // between the ends of a finger's bones, any time
   double force_max_n, rise_max_n;              // of what left through the limiter, any time
   gv_counters counters;
   uint16_t chain[MAX_STEPS];
@@ -152,6 +154,7 @@ static inline int replay(const expectation *x, variant v, bool every_step, measu
     int count = r.trace.poll(r.trace.self, step * period_ns, frame, 256);
     gv_session_step(&session, step * period_ns, frame, count, 0, &command);
     watch_forces(&session, &w, m);
+    m->apart_m = fmax(m->apart_m, bones_apart(r.engine));
     watch_hold(x, &r, step * 1e-3, &w, m);
     if (every_step)
       m->chain[step] = (uint16_t)(chain = (chain ^ gv_engine_hash(r.engine)) * 1099511628211ULL);

@@ -30,6 +30,7 @@ typedef struct exceptions {
 static const exceptions allowed[] = {
   {VARIANT_DEFAULT, GV_SOLVER_NEWTON, 0.0, 1e-5, 1.0, 1e-5, 1e-6, 0.0, 0.0},
   {VARIANT_LIBCCD, GV_SOLVER_NEWTON, 0.0, 1e-5, 1.0, 1e-5, 1e-6, 0.0, 0.0},
+  {VARIANT_FINGER_JOINTS, GV_SOLVER_NEWTON, 0.0, 1e-5, 1.0, 1e-5, 1e-6, 0.0, 0.0},
   {VARIANT_DANTZIG, GV_SOLVER_DANTZIG, 0.0, 1e-5, 45.0, 1e-2, 1e-6, 0.35, 1e-3},
   {VARIANT_QUICKSTEP, GV_SOLVER_QUICKSTEP, 0.4, 0.2, 180.0, 10.0, 0.02, 0.0, 0.0},
 };
@@ -111,7 +112,9 @@ static void test_coulombs_law_in_every_step(void) {
   CHECK(w->dissipation_w < may->dissipation_w, "%s %s: friction takes %g W less than the most it could", name,
         solver, w->dissipation_w);
   CHECK(w->astray_deg <= may->astray_deg, "%s %s: %g degrees off the slip", name, solver, w->astray_deg);
-  CHECK(fmax(w->momentum_n_s, unsolved.momentum_n_s) < 1e-10, "%s %s: %g N s from nowhere", name, solver,
+  // Impulses of joints' rows are read off the velocities: more rounding.
+  const double rounding = may->of == VARIANT_FINGER_JOINTS ? 1e-9 : 1e-10;
+  CHECK(fmax(w->momentum_n_s, unsolved.momentum_n_s) < rounding, "%s %s: %g N s from nowhere", name, solver,
         w->momentum_n_s);
 }
 

@@ -56,9 +56,9 @@ static void check_hold(const expectation *x, const measures *m) {
   const hold_limits *l = &x->limits[now];
   const double tilt_deg = m->tilt_rad * 180 / GV_PI;
   printf("figure %-14s %-9s slip %.4f mm, tilt %.4f deg, depth %.4f mm, ripple %.5f N rms, lifted %.0f mm, "
-         "force at most %.2f N\n",
+         "bones apart by %.2f mm, force at most %.2f N\n",
          x->name, variant_name[now], m->slip_m * 1e3, tilt_deg, m->depth_m * 1e3, m->ripple_n,
-         m->lift_m * 1e3, m->force_max_n);
+         m->lift_m * 1e3, m->apart_m * 1e3, m->force_max_n);
   CHECK(x->hold_to_s - x->hold_from_s >= 9.0 && m->steps * 1e-3 >= x->hold_to_s, "%s: holds for 9 s",
         x->name);
   CHECK(m->slip_m * 1e3 < l->slip_mm, "%s, %s: slips %g mm", x->name, variant_name[now], m->slip_m * 1e3);
@@ -67,6 +67,8 @@ static void check_hold(const expectation *x, const measures *m) {
         m->depth_m * 1e3);
   CHECK(m->ripple_n < l->ripple_n, "%s, %s: force ripple %g N rms", x->name, variant_name[now], m->ripple_n);
   CHECK(m->lift_m > 0.05, "%s, %s: lifted by %g m", x->name, variant_name[now], m->lift_m);
+  CHECK(m->apart_m < 1e-3 || now != VARIANT_FINGER_JOINTS, "%s: bones apart by %g mm", x->name,
+        m->apart_m * 1e3);
 }
 
 // The solver that was asked for did the steps.

@@ -74,6 +74,35 @@ static inline void judge_contact(const gv_problem *q, const gv_problem_contact *
   worst->astray_deg = larger(worst->astray_deg, acos(cosine) * 180.0 / GV_PI);
 }
 
+// Of a row of a joint, on a: what its law makes of the velocities.
+static inline double row_impulse(const gv_problem *q, const gv_problem_row *row, const gv_velocity v[]) {
+  const gv_velocity a = velocity_after(q, row->body_a, v);
+  const gv_velocity b = row->body_b == GV_WORLD ? (gv_velocity){{0, 0, 0}, {0, 0, 0}}
+                                                : velocity_after(q, row->body_b, v);
+  const gv_vec3 turning = gv_sub(a.w, b.w);
+  const gv_vec3 moving = gv_sub(gv_add(a.v, gv_cross(a.w, row->arm_a)),
+                                gv_add(b.v, gv_cross(b.w, row->arm_b)));
+  const double g = gv_dot(row->direction, row->turns ? turning : moving);
+  return gv_clamp((row->target_velocity - g) / row->compliance, row->low, row->high);
+}
+
+static inline void add_rows(const gv_problem *q, int body, const gv_velocity v[], gv_vec3 *io_linear,
+                            gv_vec3 *io_angular) {
+  for (int i = 0; i < q->row_count; i++) {
+    const gv_problem_row *row = &q->row[i];
+    if (row->body_a != body && row->body_b != body)
+      continue;
+    const bool is_a = row->body_a == body;
+    const gv_vec3 y = gv_scale(row->direction, (is_a ? 1.0 : -1.0) * row_impulse(q, row, v));
+    if (row->turns) {
+      *io_angular = gv_add(*io_angular, y);
+      continue;
+    }
+    *io_linear = gv_add(*io_linear, y);
+    *io_angular = gv_add(*io_angular, gv_cross(is_a ? row->arm_a : row->arm_b, y));
+  }
+}
+
 static inline void judge_momentum(const gv_problem *q, int body, const gv_velocity v[], const gv_vec3 x[],
                                   contact_laws *worst) {
   const gv_problem_body *b = &q->body[body];
@@ -91,6 +120,7 @@ static inline void judge_momentum(const gv_problem *q, int body, const gv_veloci
   }
   if (!touched || !(b->mass > 0.0))
     return;
+  add_rows(q, body, v, &linear, &angular);
   const gv_vec3 dp = gv_scale(gv_sub(v[body].v, b->v), b->mass);
   const gv_vec3 dL = gv_mat3_mul(&b->inertia, gv_sub(v[body].w, b->w));
   worst->momentum_n_s = larger(worst->momentum_n_s,

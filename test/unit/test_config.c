@@ -63,6 +63,7 @@ static void test_example_equals_the_defaults(void) {
   SAME(engine.palm);
   SAME(engine.rotation_law);
   SAME(engine.limb_gravity);
+  SAME(engine.finger_joints);
   SAME(engine.filter_hz);
   SAME(engine.filter_rest_hz);
   SAME(engine.gate_rad_s);
@@ -197,7 +198,8 @@ static void test_settings_arrive(void) {
             "receiver = { position_mm = [10, 20, -30]; orientation = [0.0, 0.0, 0.0, 1.0]; };\n"
             "tracker_to_world = { position_mm = [-1500, 0, 900]; orientation = [0.6, 0.0, 0.0, 0.8]; };\n"
             "filter = { corner_hz = 0; gate_rad_s = 0.5; gate_m_s = 0.1; };\n"
-            "coupling = { rotation_law = \"paper\"; limb_gravity = true; palm = { mass_kg = 0.2; d_t = 3; }; "
+            "coupling = { rotation_law = \"paper\"; limb_gravity = true; finger_joints = true; "
+            "palm = { mass_kg = 0.2; d_t = 3; }; "
             "};\n"
             "contact = { narrow = \"libccd\"; mu_hand = 1; friction = \"fixed_limit\"; erp = 0.5; cfm = "
             "0.01; world_cfm = 1e-9; margin_mm = 1; };\n"
@@ -220,7 +222,8 @@ static void test_settings_arrive(void) {
   CHECK(s.T_world_tracker.p.x == -1.5 && s.T_world_tracker.p.z == 0.9 && s.T_world_tracker.q.z == 0.8,
         "tracker_to_world");
   CHECK(s.engine.filter_hz == 0 && s.engine.gate_rad_s == 0.5 && s.engine.gate_m_s == 0.1, "filter");
-  CHECK(s.engine.rotation_law == GV_ROTATION_PAPER && s.engine.limb_gravity, "coupling");
+  CHECK(s.engine.rotation_law == GV_ROTATION_PAPER && s.engine.limb_gravity && s.engine.finger_joints,
+        "coupling");
   CHECK(s.engine.palm_mass_kg == 0.2 && s.engine.palm.d_t == 3, "palm");
   CHECK(s.engine.narrow == GV_NARROW_LIBCCD, "narrow phase");
   CHECK(s.engine.mu_hand == 1 && s.engine.friction == GV_FRICTION_FIXED_LIMIT && s.engine.contact_erp == 0.5,

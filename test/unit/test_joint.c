@@ -6,6 +6,7 @@
 
 #include "daemon/load/scene_load.h"
 #include "dynamics/choice.h"
+#include "support/bones.h"
 #include "support/check.h"
 #include "support/lab.h"
 
@@ -420,6 +421,37 @@ static int load(const char *joints, gv_scene *out, char err[512]) {
   return gv_scene_load_text("text", text, &arena, out, err, 512);
 }
 
+// An open hand comes down on an edge under its middle limbs: they stop, and without joints the outer ones go
+// on, to where their own springs lead them.
+static double press_on_an_edge(gv_solver solver, bool joined) {
+  static const double straight[GV_SENSORS];
+  lab_start(&l);
+  l.cfg.solver = solver;
+  l.cfg.finger_joints = joined;
+  lab_box(&l, gv_v3(0.01, 0.2, 0.1), gv_v3(0.14, 0, 0.4), 0, 0.8);
+  lab_run(&l);
+  double apart = 0;
+  for (int i = 0; i <= 1500; i++) {
+    const double z = 0.5 - 0.06 * fmin(1, i * 1e-3);
+    const gv_sample hand = lab_hand(&l, straight, (gv_pose){{1, 0, 0, 0}, {0, 0, z}});
+    lab_steps(&l, 1, &hand);
+    apart = fmax(apart, bones_apart(l.engine));
+  }
+  gv_engine_close(l.engine);
+  return apart;
+}
+
+static void test_joined_fingers_stay_whole(void) {
+  for (int s = 0; s < EVERY_SOLVER; s++) {
+    const double loose = press_on_an_edge(every_solver[s], false);
+    const double joined = press_on_an_edge(every_solver[s], true);
+    printf("# %s: bones apart by %.2f mm, %.4f mm with finger_joints\n", gv_solver_name(every_solver[s]),
+           1e3 * loose, 1e3 * joined);
+    CHECK(loose > 5e-3, "%s: apart by %g m without joints", gv_solver_name(every_solver[s]), loose);
+    CHECK(joined < 1e-3, "%s: apart by %g m", gv_solver_name(every_solver[s]), joined);
+  }
+}
+
 static void test_a_scene_says_what_joints_there_are(void) {
   gv_scene scene;
   char err[512];
@@ -492,6 +524,7 @@ int main(void) {
   RUN(test_a_joint_breaks_at_its_force);
   RUN(test_what_a_joint_holds_does_not_collide);
   RUN(test_what_is_put_back_is_put_back_together);
+  RUN(test_joined_fingers_stay_whole);
   RUN(test_a_scene_says_what_joints_there_are);
   RUN(test_mistakes_in_a_joint_are_named);
   return check_done();
