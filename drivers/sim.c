@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // The simulated device: 22 sensors, two tracker receivers and a status, sampled from the scripted user and
 // his fingers, with the defects of real devices (quantum, noise, repeats, jumps, coarse stamps, late and
-// lost frames), as frames with their stamps. Steps of 1 ms of its own; no clock, no heap after init.
+// lost frames), as frames with their stamps, over a wire that holds them up. Steps of its own (cycle_hz); no
+// clock, no heap after init.
 #include "drivers/sim.h"
 
 #include <string.h>
@@ -89,7 +90,7 @@ static bool stream_due(gv_sim *sim, gv_sim_stream *stream, double hz) {
 static int64_t leaves_at(gv_sim *sim, gv_sim_stream *stream) {
   int64_t due_ns = sim->now_ns;
   if (chance(sim, sim->device.late_chance))
-    due_ns += SIM_STEP_NS * (int64_t)(1e9 / SIM_STEP_NS * between(sim, 0, sim->device.late_max_s));
+    due_ns += sim->step_ns * (int64_t)(1e9 / (double)sim->step_ns * between(sim, 0, sim->device.late_max_s));
   if (due_ns < stream->last_due_ns)
     due_ns = stream->last_due_ns;
   stream->last_due_ns = due_ns;
@@ -100,6 +101,8 @@ static uint32_t age_us(const gv_sim *sim, int64_t due_ns) {
   return (uint32_t)((due_ns - sim->now_ns) / 1000);
 }
 
+static int64_t wire_ns(const gv_sim *sim) { return (int64_t)(1e9 * sim->device.delay_s + 0.5); }
+
 static void enqueue(gv_sim *sim, int64_t due_ns, const gv_frame *frame) {
   if (due_ns > sim->now_ns)
     sim->report.late++;
@@ -107,6 +110,7 @@ static void enqueue(gv_sim *sim, int64_t due_ns, const gv_frame *frame) {
     sim->report.lost++;
     return;
   }
+  due_ns += wire_ns(sim);
   int at = sim->queue_count++;
   for (; at > 0 && sim->queue[at - 1].due_ns > due_ns; at--)
     sim->queue[at] = sim->queue[at - 1];
@@ -164,12 +168,35 @@ static void make_status(gv_sim *sim) {
   enqueue(sim, sim->now_ns, &frame);
 }
 
+// ---- commands over the wire -----------------------------------------------------------------------
+void gv_sim_receive(gv_sim *sim, const gv_frame *frame) {
+  if (!(sim->device.delay_s > 0.0)) {
+    gv_sim_take_command(sim, frame);
+    return;
+  }
+  if (sim->coming_count == GV_SIM_COMING) {
+    sim->report.refused_frames++;  // more than the wire takes
+    return;
+  }
+  const int at = (sim->coming_first + sim->coming_count++) % GV_SIM_COMING;
+  sim->coming[at] = (gv_sim_pending){sim->now_ns + wire_ns(sim), *frame};
+}
+
+static void take_commands(gv_sim *sim) {
+  while (sim->coming_count > 0 && sim->coming[sim->coming_first].due_ns <= sim->now_ns) {
+    gv_sim_take_command(sim, &sim->coming[sim->coming_first].frame);
+    sim->coming_first = (sim->coming_first + 1) % GV_SIM_COMING;
+    sim->coming_count--;
+  }
+}
+
 static double script_time(const gv_sim *sim) {
   return sim->start_ns < 0 ? 0.0 : 1e-9 * (double)(sim->now_ns - sim->start_ns);
 }
 
 static void step(gv_sim *sim) {
-  sim->now_ns += SIM_STEP_NS;
+  take_commands(sim);
+  sim->now_ns += sim->step_ns;
   sim->intent = gv_sim_script_at(&sim->script, script_time(sim));
   gv_sim_user_step(sim);
   gv_sim_force_step(sim);
@@ -201,7 +228,7 @@ static int take_due(gv_sim *sim, gv_frame *out, int max) {
 
 int gv_sim_advance(gv_sim *sim, int64_t now_ns, gv_frame *out, int max) {
   int n = take_due(sim, out, max);
-  while (n < max && sim->now_ns + SIM_STEP_NS <= now_ns) {
+  while (n < max && sim->now_ns + sim->step_ns <= now_ns) {
     step(sim);
     n += take_due(sim, out + n, max - n);
   }
@@ -234,7 +261,8 @@ void gv_sim_init(gv_sim *sim, const gv_sim_script *script, const gv_sim_device *
   sim->random = 0x9e3779b97f4a7c15ULL * sim->seed;
   if (sim->random == 0)
     sim->random = 1;
-  sim->now_ns = -SIM_STEP_NS;
+  sim->step_ns = (int64_t)(1e9 / sim->device.cycle_hz + 0.5);
+  sim->now_ns = -sim->step_ns;
   sim->start_ns = -1;
   sim->watchdog = true;  // no command yet: no force
   sim->intent = gv_sim_script_at(script, 0.0);

@@ -5,7 +5,8 @@
 
 #include "gloved/sim.h"
 
-enum { SIM_STEP_NS = 1000000 };  // the device's own cycle
+// A command that has come over the wire, at sim->now_ns.
+void gv_sim_take_command(gv_sim *sim, const gv_frame *frame);
 
 // One step of the force side at sim->now_ns: the watchdog, the tension, and the fingers that it pulls.
 void gv_sim_force_step(gv_sim *sim);

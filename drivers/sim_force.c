@@ -74,7 +74,7 @@ static int counter_steps(const gv_sim *sim, uint8_t counter) {
   return ahead < 128 ? ahead : 0;
 }
 
-void gv_sim_receive(gv_sim *sim, const gv_frame *frame) {
+void gv_sim_take_command(gv_sim *sim, const gv_frame *frame) {
   gv_command_msg msg;
   if (frame->id != GV_ID_FORCE_COMMAND) {
     sim->report.foreign++;
@@ -119,14 +119,13 @@ static void check_watchdog(gv_sim *sim) {
 // Up no faster than the slew limit (after the watchdog or the switch let go), down at once.
 static void pull_tendons(gv_sim *sim) {
   bool on = !sim->watchdog && sim->intent.dead_man && (sim->command_flags & GV_COMMAND_ENABLE);
-  double rise_n = sim->device.slew_n_per_s * 1e-9 * SIM_STEP_NS + 1.5 * sim->device.wire_count_n;
+  double rise_n = sim->device.slew_n_per_s * 1e-9 * (double)sim->step_ns + 1.5 * sim->device.wire_count_n;
   for (int i = 0; i < GV_FINGERS; i++)
     sim->tension_n[i] = on ? fmin(sim->command_n[i], sim->tension_n[i] + rise_n) : 0.0;
 }
 
-static void step_joint(gv_sim_joint *joint, double torque_nm, double k, double inertia,
+static void step_joint(gv_sim_joint *joint, double h, double torque_nm, double k, double inertia,
                        double damping_ratio) {
-  const double h = 1e-9 * SIM_STEP_NS;
   double c = 2.0 * damping_ratio * sqrt(k * inertia);
   double v = (inertia * joint->velocity_rad_s + h * (torque_nm - k * joint->deviation_rad)) /
              (inertia + h * c + h * h * k);
@@ -138,13 +137,14 @@ static void step_fingers(gv_sim *sim) {
   const gv_sim_device *d = &sim->device;
   const double k[3] = {d->stiffness_0, d->stiffness_1, d->stiffness_2};
   const double inertia[3] = {d->inertia_0, d->inertia_1, d->inertia_2};
+  const double h = 1e-9 * (double)sim->step_ns;
   for (int f = 0; f < GV_FINGERS; f++) {
     int sensor[3];
     double arm_m[3];
     int joints = gv_tendon_joints(f, sensor, arm_m);
     for (int j = 0; j < joints; j++) {
       gv_sim_joint *joint = &sim->joint[f][j];
-      step_joint(joint, -sim->tension_n[f] * arm_m[j], k[j], inertia[j], d->damping_ratio);
+      step_joint(joint, h, -sim->tension_n[f] * arm_m[j], k[j], inertia[j], d->damping_ratio);
       sim->report.deviation_max_rad = fmax(sim->report.deviation_max_rad, fabs(joint->deviation_rad));
     }
   }

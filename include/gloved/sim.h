@@ -18,8 +18,11 @@ extern "C" {
 enum {
   GV_SIM_KEYFRAMES = 256,  // of one script; 1 costs 256 B
   GV_SIM_POSTURES = 32,    // of one script; 1 costs 208 B
-  GV_SIM_QUEUE = 64        // frames on their way out: five streams, the late ones wait here
+  GV_SIM_QUEUE = 512,      // frames on their way out: five streams, the late ones wait here, and those on
+                           // the wire (20 ms of two streams at 10 kHz)
+  GV_SIM_COMING = 256      // commands on the wire: 20 ms at 10 kHz
 };
+#define GV_SIM_DELAY_MAX_S 0.02
 
 // ---- device ---------------------------------------------------------------------------------------
 // Every number of the device, its defects and the user's fingers. All are set by name, from a script's
@@ -60,11 +63,16 @@ typedef struct gv_sim_device {
   double sway_rad, sway_m, sway_hz;  // amplitude of a slow movement: of each flexion joint, of the
                                      // wrist along each axis
   double tremor_rad, tremor_hz;      // likewise of physiological tremor, flexion joints alone
+  double delay_s;                    // of the wire, each way: no stamp or age tells it
+  double cycle_hz;                   // of the device: it samples, takes commands and moves the fingers so
+                                     // often; above the rates of its streams
 } gv_sim_device;
 
 gv_sim_device gv_sim_device_best(void);
 gv_sim_device gv_sim_device_real(void);
-// One setting by its name. 0, or negative with one line in err (what, what to do).
+// One setting by its name, or `finger` with `relaxed`, `normal` or `firm`: all seven numbers of the user's
+// fingers as people were measured (sources: sim_device.c). 0, or negative with one line in err (what, what
+// to do).
 int gv_sim_device_set(gv_sim_device *device, const char *name, const char *value, char *err, size_t err_size);
 // 0, or negative with one line in err where a range is upside down.
 int gv_sim_device_check(const gv_sim_device *device, char *err, size_t err_size);
@@ -137,13 +145,14 @@ typedef struct gv_sim_pending {
   gv_frame frame;
 } gv_sim_pending;
 
-// The whole model; members are private. About 70 kB; no heap, no pointer to the outside.
+// The whole model; members are private. About 140 kB; no heap, no pointer to the outside.
 typedef struct gv_sim {
   gv_sim_script script;
   gv_sim_device device;
   gv_calibration calibration;
   uint64_t random, seed;
-  int64_t now_ns;    // device time since init: whole milliseconds (-1 before the first step)
+  int64_t step_ns;   // a cycle of the device
+  int64_t now_ns;    // device time since init: whole cycles (-1 before the first step)
   int64_t start_ns;  // device time at which the script starts, negative: not yet
   // sensors
   double quantum_rad[GV_SENSORS], offset_rad[GV_SENSORS], gain[GV_SENSORS];
@@ -166,6 +175,8 @@ typedef struct gv_sim {
   gv_sim_stream glove, hand, head, status;
   gv_sim_pending queue[GV_SIM_QUEUE];
   int queue_count;
+  gv_sim_pending coming[GV_SIM_COMING];  // commands on their way in, a ring
+  int coming_first, coming_count;
   gv_sim_report report;
 } gv_sim;
 
@@ -174,11 +185,12 @@ void gv_sim_init(gv_sim *sim, const gv_sim_script *script, const gv_sim_device *
 // Start the script at the present device time. Before that the user holds the first keyframe.
 void gv_sim_start(gv_sim *sim);
 bool gv_sim_started(const gv_sim *sim);
-// A frame from the engine, at the present device time. Anything but a sound FORCE_COMMAND is counted and
-// has no effect. Never fails.
+// A frame from the engine, at the present device time; it acts after delay_s. Anything but a sound
+// FORCE_COMMAND is counted and has no effect. Never fails.
 void gv_sim_receive(gv_sim *sim, const gv_frame *frame);
-// Advance the device in steps of 1 ms up to now_ns (since init) and take up to `max` frames due by then, in
-// order, stamp_ns on the same clock. Where `max` is reached it stops; call again. Cost: 1 us a step.
+// Advance the device in its cycles (1 ms by default) up to now_ns (since init) and take up to `max` frames
+// due by then, in order, stamp_ns on the same clock. Where `max` is reached it stops; call again. Cost: 1 us
+// a cycle.
 int gv_sim_advance(gv_sim *sim, int64_t now_ns, gv_frame *out, int max);
 bool gv_sim_ended(const gv_sim *sim);  // the script is over; no frame comes any more
 const gv_sim_report *gv_sim_report_of(const gv_sim *sim);

@@ -74,6 +74,74 @@ static void test_finger_is_held_back(void) {
   CHECK(gv_sim_report_of(&sim)->commands == 3000, "%d", (int)gv_sim_report_of(&sim)->commands);
 }
 
+// How far the tendon of the index finger is let out: the sum of its arms times what each joint was held back.
+static double way_of_index_m(void) {
+  int sensor[3];
+  double arm_m[3], angle[GV_SENSORS];
+  double way_m = 0.0;
+  gv_sim_angles(&sim, angle);
+  gv_tendon_joints(1, sensor, arm_m);
+  for (int j = 0; j < 3; j++)
+    way_m += arm_m[j] * (angle[sensor[j]] - sim.intent.angle_rad[sensor[j]]);
+  return way_m;
+}
+
+// Along its tendon it is M x'' + B x' + K x = -T, as measured on people (sim_device.c): the answer to a step
+// of tension, all the way.
+static void check_finger(const char *name, double k_n_m, double b_n_s_m, double m_kg) {
+  const double h = 1e-4;
+  double way_m = 0.0;
+  double speed_m_s = 0.0;
+  start(grip, "best");
+  CHECK(gv_sim_device_set(&script.device, "finger", name, err, sizeof err) == 0, "%s", err);
+  CHECK(gv_sim_device_set(&script.device, "cycle_hz", "10000", err, sizeof err) == 0, "%s", err);
+  gv_sim_init(&sim, &script, NULL, 7);
+  gv_sim_start(&sim);
+  const int64_t from_ns = (pull(2000, 1, 0.2) - 1) * MS;
+  for (int step = 1; step <= 1000; step++) {
+    gv_frame frame[64];
+    const gv_frame again = command(0.2, GV_COMMAND_ENABLE);
+    while (gv_sim_advance(&sim, from_ns + step * MS / 10, frame, 64) > 0) {}
+    gv_sim_receive(&sim, &again);
+    const double tension_n = gv_sim_tension(&sim)[1];
+    speed_m_s = (m_kg * speed_m_s - h * (tension_n + k_n_m * way_m)) / (m_kg + h * b_n_s_m + h * h * k_n_m);
+    way_m += h * speed_m_s;
+    CHECK_NEAR(way_of_index_m(), way_m, 0.005 * 0.2 / k_n_m);
+  }
+  CHECK_NEAR(way_of_index_m(), -0.2 / k_n_m, 0.02 * 0.2 / k_n_m);
+}
+
+static void test_fingers_are_as_measured(void) {
+  check_finger("relaxed", 250, 4.0, 0.005);
+  check_finger("normal", 600, 5.5, 0.0055);
+  check_finger("firm", 1250, 7.4, 0.006);
+  CHECK(gv_sim_device_set(&script.device, "finger", "limp", err, sizeof err) < 0, "taken");
+  CHECK(strstr(err, "relaxed, normal or firm") != NULL, "%s", err);
+}
+
+// 5 ms each way: the same frames 5 ms later, and the tension follows the command 5 ms later.
+static void test_wire_holds_up_both_ways(void) {
+  enum { FRAMES = 2048 };
+  static gv_frame at_once[FRAMES], later[FRAMES];
+  start(grip, "best");
+  const int sent = gv_sim_advance(&sim, 500 * MS, at_once, FRAMES);
+  CHECK(gv_sim_device_set(&script.device, "delay_s", "0.005", err, sizeof err) == 0, "%s", err);
+  gv_sim_init(&sim, &script, NULL, 7);
+  gv_sim_start(&sim);
+  const int came = gv_sim_advance(&sim, 505 * MS, later, FRAMES);
+  CHECK(sent > 900 && came == sent, "%d and %d frames", sent, came);
+  for (int i = 0; i < sent && i < came; i++) {
+    CHECK(later[i].stamp_ns == at_once[i].stamp_ns + 5 * MS, "frame %d", i);
+    CHECK(memcmp(later[i].data, at_once[i].data, at_once[i].len) == 0, "frame %d", i);
+  }
+  for (int64_t t = 2000; t < 2012; t++) {
+    skip_to(t);
+    CHECK((gv_sim_tension(&sim)[1] > 0.0) == (t > 2005), "%g N at %d ms", gv_sim_tension(&sim)[1], (int)t);
+    gv_frame frame = command(0.1, GV_COMMAND_ENABLE);
+    gv_sim_receive(&sim, &frame);
+  }
+}
+
 static void test_watchdog_lets_go_within_5_ms(void) {
   start(grip, "best");
   int64_t t = pull(2000, 200, 5.0);
@@ -448,6 +516,8 @@ static void test_driver(void) {
 
 int main(void) {
   RUN(test_finger_is_held_back);
+  RUN(test_fingers_are_as_measured);
+  RUN(test_wire_holds_up_both_ways);
   RUN(test_watchdog_lets_go_within_5_ms);
   RUN(test_switches);
   RUN(test_best_device_tells_the_script);
