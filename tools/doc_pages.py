@@ -42,6 +42,7 @@ GROUPS = {
     "override": ("override", "In place of what the scene says (the paper's Table 1). 0 or false: as the scene says."),
     "limiter": ("limiter", "The last gate of every force. Lower these for a first try with a new device."),
     "safety": ("safety", "What ends in a fault, with forces brought to zero until the dead-man switch was let go."),
+    "passivity": ("passivity", "A damper for a force that swings: `doc/tuning.md`. The energy at the tendons is watched and told in any case."),
 }
 LAXER = {"0": "", "1": "above", "2": "below"}
 

@@ -129,6 +129,8 @@ void gv_engine_coupling(const gv_engine *engine, int limb, gv_vec3 *out_f, gv_ve
 gv_pose gv_engine_object_pose(const gv_engine *engine, int object);  // T_world_body
 void gv_engine_object_velocity(const gv_engine *engine, int object, gv_vec3 *out_v, gv_vec3 *out_w);
 gv_joint_state gv_engine_joint(const gv_engine *engine, int joint);
+// 22 joint angles as the glove measured them last, rad: calibrated, jumps held back, not filtered.
+const double *gv_engine_measured(const gv_engine *engine);
 const double *gv_engine_angles(const gv_engine *engine);  // 22 joint angles of the skeleton, rad
 void gv_engine_memory(const gv_engine *engine, size_t *out_used, size_t *out_peak, size_t *out_size);
 // FNV-1a 64 over the whole simulated state (poses, velocities, filter, step count). Cost: 3 us.

@@ -70,6 +70,8 @@ typedef struct gv_command_msg {
   uint16_t frames_taken;
 } gv_command_msg;
 #define GV_TENSION_LSB_N 0.003
+// What a device reads of a tension that was packed: whole counts, rounded down.
+double gv_fcu_command_tension(double tension_n);
 
 // EFFORT: 1 rung of the deadline ladder (daemon/loop/ladder.h), 0 to 2 | 4-7 zero. A
 // replay does what the live run did.

@@ -249,7 +249,7 @@ static int check_outputs(program *p) {
 // Within the bounds of the code, but laxer than the default: nobody shall wear the glove without knowing it.
 static void tell_laxer(const program *p) {
   char laxer[GV_LAXER_TEXT];
-  gv_settings_laxer(&p->settings.limiter, &p->settings.safety, laxer);
+  gv_settings_laxer(&p->settings.limiter, &p->settings.safety, &p->settings.passivity, laxer);
   if (*laxer)
     fprintf(stderr, "gloved: protects less than the defaults (in brackets): %s\n", laxer);
 }
@@ -318,6 +318,7 @@ static void start_loop(program *p) {
   const gv_session_config session = {
     .limiter = settings->limiter,
     .safety = settings->safety,
+    .passivity = settings->passivity,
     .side = settings->engine.hand.side,
     .replay = p->pace != GV_PACE_LIVE,
     .period_s = 1.0 / settings->rate_hz,

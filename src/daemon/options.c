@@ -173,7 +173,9 @@ static const char *unsound(const gv_settings *settings) {
   const char *field = gv_config_check(&settings->engine);
   if (!field)
     field = gv_limiter_check(&settings->limiter);
-  return field ? field : gv_safety_check(&settings->safety);
+  if (!field)
+    field = gv_safety_check(&settings->safety);
+  return field ? field : gv_passivity_check(&settings->passivity);
 }
 
 int gv_options_settings(const gv_options *options, gv_settings *out, char *err, size_t err_size) {

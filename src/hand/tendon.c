@@ -22,6 +22,14 @@ int gv_tendon_joints(int finger, int out_sensor[3], double out_arm_m[3]) {
   return 3;
 }
 
+void gv_tendon_way(const double angle_rad[GV_SENSORS], double out_way_m[GV_FINGERS]) {
+  for (int finger = 0; finger < GV_FINGERS; finger++) {
+    out_way_m[finger] = 0.0;
+    for (int j = 0; j < 3; j++)
+      out_way_m[finger] += arm_m[finger][j] * angle_rad[gv_flexion[finger][j]];
+  }
+}
+
 void gv_tendon_map(const gv_joint_axis joint[GV_SENSORS], const gv_pose T_world_limb[GV_LIMBS],
                    const gv_vec3 f_limb[GV_LIMBS], const gv_vec3 t_limb[GV_LIMBS],
                    double out_tension_n[GV_FINGERS]) {

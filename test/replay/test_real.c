@@ -5,9 +5,9 @@
 // simulated device, the session, the engine.
 //
 //   test_real                        16 seeds of every grasp
-//   test_real SCRIPT k_f [best] [moving] [NAME=VALUE...]
-//                                    one grasp on 16 seeds with another stiffness and device settings: a
-//                                    line a seed
+//   test_real SCRIPT k_f [best] [moving] [passivity] [NAME=VALUE...]
+//                                    one grasp on 16 seeds with another stiffness and device settings, with
+//                                    or without passivity controller: a line a seed
 #include <stdlib.h>
 #include <string.h>
 
@@ -79,6 +79,7 @@ static gv_engine *start(const grasp *g, const gv_sim_device *device, uint64_t se
     return NULL;
   const gv_session_config cfg = {.limiter = settings.limiter,
                                  .safety = settings.safety,
+                                 .passivity = settings.passivity,
                                  .side = settings.engine.hand.side,
                                  .period_s = settings.engine.step_s};
   gv_session_init(&session, &cfg, engine);
@@ -266,6 +267,8 @@ static int try_one(int argc, char **argv) {
     const char *equals = strchr(argv[i], '=');
     if (strcmp(argv[i], "best") == 0)
       device = gv_sim_device_best();
+    if (strcmp(argv[i], "passivity") == 0)
+      settings.passivity.controller = GV_PASSIVITY_ON;
     if (strcmp(argv[i], "moving") == 0)
       make_user_move(&device, 0.03);
     if (!equals)

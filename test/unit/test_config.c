@@ -379,19 +379,19 @@ static void test_what_protects_less_than_the_default_is_told(void) {
   char laxer[GV_LAXER_TEXT];
   gv_settings s;
   gv_settings_default(&s);
-  gv_settings_laxer(&s.limiter, &s.safety, laxer);
+  gv_settings_laxer(&s.limiter, &s.safety, &s.passivity, laxer);
   CHECK(!*laxer, "the defaults: %s", laxer);
   CHECK(load_settings(V "limiter = { ramp_s = 0.01; max_n = 3.0; }; safety = { bad_window_s = 0.2; };\n",
                       &s) == 0,
         "%s", err);
-  gv_settings_laxer(&s.limiter, &s.safety, laxer);
+  gv_settings_laxer(&s.limiter, &s.safety, &s.passivity, laxer);
   CHECK(!*laxer, "stricter: %s", laxer);
   CHECK(load_settings(V "limiter = { ramp_s = 0.03; finger_max_n = [12.0, 12.0, 12.0, 12.1, 1.0]; }; safety "
                         "= { bad_window_s = 0.05; "
                         "bad_limit = 12; };\n",
                       &s) == 0,
         "%s", err);
-  gv_settings_laxer(&s.limiter, &s.safety, laxer);
+  gv_settings_laxer(&s.limiter, &s.safety, &s.passivity, laxer);
   CHECK(!strcmp(laxer,
                 "limiter.finger_max_n 12.1 (12), limiter.ramp_s 0.03 (0.015), safety.bad_limit 12 (10), "
                 "safety.bad_window_s 0.05 (0.1)"),

@@ -20,6 +20,7 @@ void gv_settings_default(gv_settings *out) {
   out->engine = gv_config_default();
   out->limiter = gv_limiter_config_default();
   out->safety = gv_safety_config_default();
+  out->passivity = gv_passivity_config_default();
   out->T_world_tracker = gv_fastrak_upright();
   snprintf(out->scene, sizeof out->scene, "data/scenes/box.scene");
   snprintf(out->fcu, sizeof out->fcu, "sim:");

@@ -9,6 +9,7 @@
 
 #include "gloved/engine.h"
 #include "gloved/force.h"
+#include "gloved/passivity.h"
 #include "gloved/safety.h"
 
 enum { GV_SETTING_TEXT = 256 };  // bytes of a path or URL with its final zero
@@ -17,6 +18,7 @@ typedef struct gv_settings {
   gv_config engine;
   gv_limiter_config limiter;
   gv_safety_config safety;
+  gv_passivity_config passivity;
   gv_pose T_world_tracker;  // for a tracker of its own: its transmitter in the world
   // Paths are relative to the directory that the daemon is started in, as on the command line.
   char scene[GV_SETTING_TEXT];        // --scene
@@ -40,7 +42,7 @@ typedef struct gv_settings {
 // Settings that protect a person less than their defaults, each with its default, in one line; empty: none.
 enum { GV_LAXER_TEXT = 512 };
 void gv_settings_laxer(const gv_limiter_config *limiter, const gv_safety_config *safety,
-                       char out[GV_LAXER_TEXT]);
+                       const gv_passivity_config *passivity, char out[GV_LAXER_TEXT]);
 
 void gv_settings_default(gv_settings *out);
 // data/gloved.conf: every setting with its default and its sentence. 0, or negative

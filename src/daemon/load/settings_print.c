@@ -206,5 +206,9 @@ int gv_settings_print(FILE *out) {
   print_group(out, "safety",
               "# What ends in a fault, with forces ramped to zero until the dead-man switch was let go.\n",
               "", &s);
+  print_group(out, "passivity",
+              "# Energy at the tendons is watched in any case (energy_j of GLOVED_STATE); this damps a force "
+              "that swings.\n",
+              "", &s);
   return ferror(out) ? -1 : 0;
 }

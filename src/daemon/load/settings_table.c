@@ -82,7 +82,7 @@ static const gv_setting process[] = {
           "a step begins with the glove's frame (--sync device) and not by the loop's own clock"),
 };
 
-enum { PROCESS_SETTINGS = sizeof process / sizeof process[0], TABLES = 4 };
+enum { PROCESS_SETTINGS = sizeof process / sizeof process[0], TABLES = 5 };
 
 gv_settings_row gv_settings_next(const char *group, gv_settings *settings, int *io_at) {
   const struct {
@@ -94,6 +94,7 @@ gv_settings_row gv_settings_next(const char *group, gv_settings *settings, int *
     {gv_engine_settings, GV_ENGINE_SETTINGS, &settings->engine},
     {gv_limiter_settings, GV_LIMITER_SETTINGS, &settings->limiter},
     {gv_safety_settings, GV_SAFETY_SETTINGS, &settings->safety},
+    {gv_passivity_settings, GV_PASSIVITY_SETTINGS, &settings->passivity},
   };
   for (int t = 0, before = 0; t < TABLES; before += table[t++].count)
     for (; *io_at - before < table[t].count; ++*io_at) {
@@ -122,8 +123,8 @@ static void read_spring(gv_conf_group *coupling, const char *key, const char *gr
 }
 
 void gv_settings_read_groups(gv_conf_group *root, gv_settings *out) {
-  static const char *const groups[] = {"realtime", "filter",   "coupling", "contact",
-                                       "solver",   "override", "limiter",  "safety"};
+  static const char *const groups[] = {"realtime", "filter",  "coupling", "contact",  "solver",
+                                       "override", "limiter", "safety",   "passivity"};
   for (size_t i = 0; i < sizeof groups / sizeof *groups; i++) {
     gv_conf_group group;
     if (gv_conf_is_text(gv_conf_find(root, groups[i])) && strcmp(groups[i], "solver") == 0)
@@ -168,10 +169,12 @@ static void tell_laxer(const gv_setting rows[], int count, const void *configura
 }
 
 void gv_settings_laxer(const gv_limiter_config *limiter, const gv_safety_config *safety,
-                       char out[GV_LAXER_TEXT]) {
+                       const gv_passivity_config *passivity, char out[GV_LAXER_TEXT]) {
   const gv_limiter_config usual_limiter = gv_limiter_config_default();
   const gv_safety_config usual_safety = gv_safety_config_default();
+  const gv_passivity_config usual_passivity = gv_passivity_config_default();
   out[0] = '\0';
   tell_laxer(gv_limiter_settings, GV_LIMITER_SETTINGS, limiter, &usual_limiter, out, GV_LAXER_TEXT);
   tell_laxer(gv_safety_settings, GV_SAFETY_SETTINGS, safety, &usual_safety, out, GV_LAXER_TEXT);
+  tell_laxer(gv_passivity_settings, GV_PASSIVITY_SETTINGS, passivity, &usual_passivity, out, GV_LAXER_TEXT);
 }

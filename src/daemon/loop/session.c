@@ -21,6 +21,7 @@ void gv_session_init(gv_session *session, const gv_session_config *cfg, gv_engin
   session->palm_configured = gv_engine_config(engine)->palm;
   gv_safety_init(&session->safety, &cfg->safety);
   gv_limiter_init(&session->limiter, &cfg->limiter);
+  gv_passivity_init(&session->passivity, &cfg->passivity);
   session->limiter.longest_rise_s = cfg->command_s > 0.0 ? cfg->command_s : cfg->period_s;
 }
 
@@ -33,6 +34,9 @@ void gv_session_change_engine(gv_session *session, gv_engine *engine, uint64_t s
   session->pose_stream = before.pose_stream;
   session->status_stream = before.status_stream;
   session->command_counter = before.command_counter;
+  session->passivity = before.passivity;
+  session->passed_ns = before.passed_ns;
+  gv_passivity_forget_way(&session->passivity);
   session->faults_seen = before.faults_seen;
   memcpy(session->force_max_n, before.force_max_n, sizeof session->force_max_n);
 }
@@ -299,13 +303,41 @@ static uint32_t age_us(double seconds) {
   return seconds < 0.65 ? (uint32_t)fmax(0.0, seconds * 1e6) : 655350u;
 }
 
+// The device has pulled with the last command until now, or until its watchdog let go.
+static void let_time_pass(gv_session *session, int64_t now_ns) {
+  const bool first = session->frames.tx == 0;
+  const double passed_s = first ? 0.0 : fmax(0.0, (double)(now_ns - session->passed_ns) * 1e-9);
+  session->passed_ns = now_ns;
+  gv_passivity_hold(&session->passivity, passed_s, fmin(passed_s, GV_DEVICE_WATCHDOG_S));
+}
+
+static void measure_tendons(gv_session *session, int64_t now_ns) {
+  double way_m[GV_FINGERS];
+  if (!session->sample.glove_new)
+    return;
+  let_time_pass(session, now_ns);
+  gv_tendon_way(gv_engine_measured(session->engine), way_m);
+  gv_passivity_measure(&session->passivity, way_m);
+}
+
+// What the passivity controller makes of the desired forces, limited: what leaves.
+static unsigned limit_force(gv_session *session, const double desired_n[GV_FINGERS], bool enabled,
+                            double dt_s) {
+  double asked_n[GV_FINGERS], sent_n[GV_FINGERS];
+  const double age_s = fmax(session->glove_age_s, session->hand_age_s);
+  gv_passivity_control(&session->passivity, desired_n, asked_n);
+  const unsigned flags = gv_limiter_step(&session->limiter, asked_n, enabled, age_s, dt_s, session->force_n);
+  for (int i = 0; i < GV_FINGERS; i++)
+    sent_n[i] = gv_fcu_command_tension(session->force_n[i]);
+  gv_passivity_command(&session->passivity, desired_n, asked_n, sent_n);
+  return flags;
+}
+
 // Limits the desired forces and packs what is left of them: the one way of a force out of the daemon.
 static void send_force(gv_session *session, const double desired_n[GV_FINGERS], double dt_s,
                        gv_frame *out_command) {
   const bool enabled = gv_safety_lets_force_out(&session->safety) && nothing_speaks_against(session);
-  const double age = fmax(session->glove_age_s, session->hand_age_s);
-  session->limiter_flags = gv_limiter_step(&session->limiter, desired_n, enabled, age, dt_s,
-                                           session->force_n);
+  session->limiter_flags = limit_force(session, desired_n, enabled, dt_s);
   gv_command_msg *msg = &session->command;
   // While a fault ramps down the device stays enabled: switching off at full force would be a jerk.
   const int enable = enabled || largest(session->force_n) > 0.0 ? GV_COMMAND_ENABLE : 0;
@@ -356,6 +388,7 @@ void gv_session_compute(gv_session *session, int64_t now_ns, const gv_frame *fra
   fill_sample(session);
   update_ages(session, now_ns);
   gv_engine_step(session->engine, &session->sample, &session->result);
+  measure_tendons(session, now_ns);
   step_safety(session, (unsigned)(session->frames.errors - errors_before), periods_skipped);
 }
 
@@ -368,6 +401,7 @@ void gv_session_hold(gv_session *session, int64_t now_ns, const gv_frame *frame,
 
 void gv_session_command(gv_session *session, int64_t now_ns, gv_frame *out_command) {
   update_ages(session, now_ns);
+  let_time_pass(session, now_ns);
   send_force(session, session->result.tension_n, since_command_s(session, now_ns), out_command);
 }
 
@@ -419,6 +453,7 @@ bool gv_session_stop(gv_session *session, int64_t now_ns, gv_frame *out_command)
   const gv_safety_input in = {.stop = true, .finite = true};
   update_ages(session, now_ns);
   gv_safety_step(&session->safety, &in, session->cfg.period_s);
+  let_time_pass(session, now_ns);
   send_force(session, no_force, since_command_s(session, now_ns), out_command);
   return largest(session->force_n) <= 0.0;
 }

@@ -10,6 +10,7 @@
 #include "gloved/engine.h"
 #include "gloved/fcu.h"
 #include "gloved/force.h"
+#include "gloved/passivity.h"
 #include "gloved/safety.h"
 #include "daemon/loop/ladder.h"
 #include "daemon/loop/request.h"
@@ -27,6 +28,7 @@ enum {
 typedef struct gv_session_config {
   gv_limiter_config limiter;
   gv_safety_config safety;
+  gv_passivity_config passivity;
   gv_side side;      // a glove for the other hand is not used
   bool replay;       // frames of a recording: its EFFORT frames are obeyed
   double period_s;   // of one gv_session_step
@@ -55,6 +57,8 @@ typedef struct gv_session {
   uint64_t steps_before;  // of the engines before this one
   gv_safety safety;
   gv_limiter limiter;
+  gv_passivity passivity;  // of the tensions on the wire and the tendons' ways as measured
+  int64_t passed_ns;       // up to here it knows what pulled
   gv_frame_counters frames;
   gv_stream glove_stream, pose_stream, status_stream;
   // Newest good message of each kind, and the age and rate of those that a force depends on.

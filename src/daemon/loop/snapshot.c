@@ -39,6 +39,13 @@ static void fill_devices(const gv_session *session, gv_snapshot *out) {
   out->frames = session->frames;
 }
 
+static void fill_energy(const gv_passivity *passivity, gv_snapshot *out) {
+  for (int i = 0; i < GV_FINGERS; i++) {
+    out->energy_j[i] = passivity->port[i].energy_j;
+    out->dissipated_j[i] = passivity->port[i].dissipated_j;
+  }
+}
+
 void gv_snapshot_fill(const gv_session *session, int object_count, gv_snapshot *out) {
   out->counters = *gv_engine_counters(session->engine);
   out->step = gv_session_steps(session);
@@ -54,6 +61,7 @@ void gv_snapshot_fill(const gv_session *session, int object_count, gv_snapshot *
   memcpy(out->desired_n, session->result.tension_n, sizeof out->desired_n);
   memcpy(out->force_n, session->force_n, sizeof out->force_n);
   memcpy(out->measured_n, session->status.tension_n, sizeof out->measured_n);
+  fill_energy(&session->passivity, out);
   memcpy(out->angle_rad, gv_engine_angles(session->engine), sizeof out->angle_rad);
   fill_limbs(session->engine, out->limb);
   fill_scene(session->engine, object_count, out);

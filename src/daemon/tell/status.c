@@ -67,7 +67,7 @@ static void say_limits(const gv_status *s, line *out) {
 
 static void say_laxer(const gv_status *s, line *out) {
   char laxer[GV_LAXER_TEXT];
-  gv_settings_laxer(&s->settings->limiter, &s->settings->safety, laxer);
+  gv_settings_laxer(&s->settings->limiter, &s->settings->safety, &s->settings->passivity, laxer);
   say(out, "%s", *laxer ? laxer : "nothing");
 }
 

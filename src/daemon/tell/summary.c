@@ -33,6 +33,23 @@ static void put_quantiles(FILE *out, const char *key, const gv_histogram *histog
           q.p99_us, q.p999_us, q.max_us);
 }
 
+// Of each tendon: what is left, the most that gloved has given out beyond what it got, what the controller
+// took.
+static void put_energy(FILE *out, const gv_passivity *passivity) {
+  double energy_j[GV_FINGERS], given_max_j[GV_FINGERS], dissipated_j[GV_FINGERS];
+  for (int i = 0; i < GV_FINGERS; i++) {
+    energy_j[i] = passivity->port[i].energy_j;
+    given_max_j[i] = -passivity->port[i].energy_least_j + 0.0;
+    dissipated_j[i] = passivity->port[i].dissipated_j;
+  }
+  fputs(",\n  \"energy_j\": ", out);
+  put_numbers(out, energy_j, GV_FINGERS);
+  fputs(",\n  \"energy_given_max_j\": ", out);
+  put_numbers(out, given_max_j, GV_FINGERS);
+  fputs(",\n  \"energy_dissipated_j\": ", out);
+  put_numbers(out, dissipated_j, GV_FINGERS);
+}
+
 static void put_engine(FILE *out, const gv_session *session) {
   const gv_counters *c = gv_engine_counters(session->engine);
   fprintf(out, "  \"steps\": %" PRId64 ",\n  \"state_hash\": \"%016" PRIx64 "\",\n",
@@ -43,6 +60,7 @@ static void put_engine(FILE *out, const gv_session *session) {
   put_number(out, c->depth_max_m);
   fputs(",\n  \"force_max_n\": ", out);
   put_numbers(out, session->force_max_n, GV_FINGERS);
+  put_energy(out, &session->passivity);
   fprintf(out,
           ",\n  \"samples\": %" PRIu64 ",\n  \"samples_refused\": %" PRIu64
           ",\n  \"angles_limited\": %" PRIu64 ",\n  \"body_resets\": %" PRIu64
@@ -128,7 +146,7 @@ int gv_summary_json(const gv_summary *s, FILE *out) {
   gv_json_text(out, gv_fault_text(session->faults_seen));
   fputs(",\n  \"laxer_than_default\": ", out);
   char laxer[GV_LAXER_TEXT];
-  gv_settings_laxer(&session->cfg.limiter, &session->cfg.safety, laxer);
+  gv_settings_laxer(&session->cfg.limiter, &session->cfg.safety, &session->cfg.passivity, laxer);
   gv_json_text(out, laxer);
   fputs(",\n  \"period_s\": ", out);
   put_number(out, session->cfg.period_s);
@@ -190,10 +208,18 @@ static void print_time(const gv_loop *loop, FILE *out) {
             loop->on_frame, loop->on_clock);
 }
 
+static void print_energy(const gv_passivity *passivity, FILE *out) {
+  double mj[GV_FINGERS];
+  for (int i = 0; i < GV_FINGERS; i++)
+    mj[i] = -1e3 * passivity->port[i].energy_least_j + 0.0;
+  fprintf(out, "  most energy given out beyond what the hand put in, each tendon: %.1f %.1f %.1f %.1f %.1f mJ\n",
+          mj[0], mj[1], mj[2], mj[3], mj[4]);
+}
+
 static void print_warnings(const gv_summary *s, FILE *out) {
   const gv_session *session = s->loop->session;
   char laxer[GV_LAXER_TEXT];
-  gv_settings_laxer(&session->cfg.limiter, &session->cfg.safety, laxer);
+  gv_settings_laxer(&session->cfg.limiter, &session->cfg.safety, &session->cfg.passivity, laxer);
   if (*laxer)
     fprintf(out, "  protected less than by the defaults (in brackets): %s\n", laxer);
   if (s->telemetry_failed)
@@ -212,6 +238,7 @@ void gv_summary_print(const gv_summary *s, FILE *out) {
   print_places(s, out);
   fprintf(out, "  contacts at most %" PRIu32 ", deepest %.3f mm; largest forces %.2f %.2f %.2f %.2f %.2f N\n",
           c->contacts_max, c->depth_max_m * 1e3, force[0], force[1], force[2], force[3], force[4]);
+  print_energy(&session->passivity, out);
   print_time(s->loop, out);
   fprintf(out,
           "  frames in %" PRIu64 ", out %" PRIu64 ", lost %" PRIu64 ", bad %" PRIu64 ", late %" PRIu64 "\n",

@@ -52,6 +52,8 @@ static void put_engine(const gv_snapshot *snapshot, gloved_state_t *out) {
   out->depth_max_m = snapshot->counters.depth_max_m;
   memcpy(out->force_desired_n, snapshot->desired_n, sizeof out->force_desired_n);
   memcpy(out->force_commanded_n, snapshot->force_n, sizeof out->force_commanded_n);
+  memcpy(out->energy_j, snapshot->energy_j, sizeof out->energy_j);
+  memcpy(out->energy_dissipated_j, snapshot->dissipated_j, sizeof out->energy_dissipated_j);
   for (int i = 0; i < GV_LIMBS; i++) {
     const gv_snapshot_limb *limb = &snapshot->limb[i];
     put_pose(limb->T_world_limb, out->limb[i].position_m, out->limb[i].quaternion);
@@ -193,7 +195,7 @@ static void send_stats(gv_telemetry *telemetry, const gv_snapshot *snapshot) {
                           .force_limit_n = telemetry->loop->session->cfg.limiter.max_n};
   static char laxer[GV_LAXER_TEXT];
   const gv_session_config *session = &telemetry->loop->session->cfg;
-  gv_settings_laxer(&session->limiter, &session->safety, laxer);
+  gv_settings_laxer(&session->limiter, &session->safety, &session->passivity, laxer);
   out->laxer_than_default = laxer;
   for (int i = 0; i < GV_RUNGS; i++)
     out->ladder[i] = (int64_t)telemetry->loop->on_rung[i];
