@@ -4,7 +4,7 @@
 // and Automation 18, 2002). Pure, no heap; the real-time thread calls it. Cost: below 0.2 us a step.
 //
 // The port. x is the way of a finger's tendon, metres, x = sum r_j q_j over the finger's joints as the glove
-// measured them (gv_tendon_way): it grows as the person bends the finger. T is the tension on the wire, after
+// measured them, held inside anatomy (gv_tendon_way, gv_engine_measured): it grows as the finger bends. T is the tension on the wire, after
 // limiter and rounding. A tendon pulls against bending, so T dx > 0 is work that the person does on gloved
 // and T dx < 0 is work that gloved does on the person. Step k of the measurements, at which the glove was
 // read again, adds

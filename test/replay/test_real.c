@@ -88,11 +88,57 @@ static gv_engine *start(const grasp *g, const gv_sim_device *device, uint64_t se
   return engine;
 }
 
+// Work at the index finger's tendon, from the frames alone: the mean of the tensions sent between two of the
+// glove's, times what the tendon moved.
+typedef struct wire_work {
+  double energy_j, way_m, tension_n, sum_n;
+  int commands;
+  bool seen;
+} wire_work;
+static wire_work work;
+
+static void read_glove(const gv_frame *frame) {
+  gv_glove_msg glove;
+  int sensor[3];
+  double arm_m[3], way_m = 0.0;
+  if (gv_fcu_unpack_glove(frame, &glove) != GV_FCU_OK)
+    return;
+  gv_tendon_joints(1, sensor, arm_m);
+  const gv_hand_model *hand = &settings.engine.hand;
+  for (int j = 0; j < 3; j++) {
+    const double read = gv_calibration_angle(&settings.engine.calibration, sensor[j], glove.raw[sensor[j]]);
+    way_m += arm_m[j] * gv_clamp(read, hand->angle_min_rad[sensor[j]], hand->angle_max_rad[sensor[j]]);
+  }
+  if (work.seen && work.commands > 0)
+    work.energy_j += work.sum_n / work.commands * (way_m - work.way_m);
+  work.way_m = way_m;
+  work.sum_n = 0.0;
+  work.commands = 0;
+  work.seen = true;
+}
+
+static void read_command(const gv_frame *frame) {
+  gv_command_msg command;
+  CHECK(gv_fcu_unpack_command(frame, &command) == GV_FCU_OK, "a command that does not decode");
+  work.sum_n += command.tension_n[1];
+  work.commands++;
+}
+
 static void step(int64_t now_ns) {
   static gv_frame frame[256];
   gv_frame command;
   const int count = gv_sim_advance(&sim, now_ns, frame, 256);
+  double last_n[GV_FINGERS];
+  memcpy(last_n, session.force_n, sizeof last_n);
   gv_session_step(&session, now_ns, frame, count, 0, &command);
+  for (int i = 0; i < count; i++)
+    if (frame[i].id == GV_ID_GLOVE)
+      read_glove(&frame[i]);
+  read_command(&command);
+  for (int i = 0; i < GV_FINGERS; i++)
+    CHECK(session.force_n[i] <= settings.limiter.max_n &&
+              session.force_n[i] <= last_n[i] + settings.limiter.slew_n_per_s * settings.engine.step_s + 1e-9,
+          "%g N after %g N", session.force_n[i], last_n[i]);
   gv_sim_receive(&sim, &command);
 }
 
@@ -258,6 +304,48 @@ static void test_real_device_and_a_user_who_moves_much(void) {
   CHECK(t.held >= SEEDS - (fingertips ? 3 : 0), "%s: dropped on %d seeds", current->script, SEEDS - t.held);
 }
 
+// The energy that the session tells against the frames on the wire, a whole grasp long.
+static void test_energy_is_that_of_the_frames(void) {
+  gv_sim_device device = gv_sim_device_best();
+  measures m;
+  device.glove_hz_min = device.glove_hz_max = 100;
+  work = (wire_work){0};
+  if (!run(&grasps[0], &device, 1, &m))
+    return;
+  const double told_j = session.passivity.port[1].energy_j;
+  printf("figure energy at the index finger's tendon in a power grasp: %.6f J told, %.6f J by the frames\n",
+         told_j, work.energy_j);
+  CHECK(fabs(work.energy_j) > 1e-3 && fabs(told_j - work.energy_j) < 1e-9, "%.12g and %.12g J", told_j,
+        work.energy_j);
+}
+
+// At 2000 N/m force, light finger and a glove of 90 Hz swing until the pinched box falls.
+static void test_passivity_controller_holds_what_swings(void) {
+  enum { TRIED = 8 };
+  const gv_sim_device device = gv_sim_device_real();
+  const double k_f = settings.engine.limb.k_f;
+  int held[2] = {0};
+  double given_j[2] = {0};
+  settings.engine.limb.k_f = 2000.0;
+  for (int on = 0; on < 2; on++) {
+    settings.passivity.controller = on ? GV_PASSIVITY_ON : GV_PASSIVITY_OFF;
+    for (uint64_t seed = 1; seed <= TRIED; seed++) {
+      measures m;
+      if (!run(&grasps[1], &device, seed, &m))
+        break;
+      held[on] += is_held(&m);
+      given_j[on] -= session.passivity.port[0].energy_least_j / TRIED;
+    }
+  }
+  settings.passivity.controller = GV_PASSIVITY_OFF;
+  settings.engine.limb.k_f = k_f;
+  printf("figure pinch_box at 2000 N/m, device=real: held on %d of %d seeds without passivity controller, on %d "
+         "with it; the thumb's tendon gives out %.2f J and %.2f J\n",
+         held[0], TRIED, held[1], given_j[0], given_j[1]);
+  CHECK(held[0] <= 2 && held[1] >= 6, "%d without, %d with it", held[0], held[1]);
+  CHECK(given_j[1] < 0.5 * given_j[0], "%g J without, %g J with it", given_j[0], given_j[1]);
+}
+
 static int try_one(int argc, char **argv) {
   gv_sim_device device = gv_sim_device_real();
   char err[256] = "";
@@ -295,5 +383,7 @@ int main(int argc, char **argv) {
     RUN(test_real_device_and_a_user_who_moves);
     RUN(test_real_device_and_a_user_who_moves_much);
   }
+  RUN(test_energy_is_that_of_the_frames);
+  RUN(test_passivity_controller_holds_what_swings);
   return check_done();
 }

@@ -207,7 +207,8 @@ static void test_settings_arrive(void) {
             "override = { gravity_m_s2 = 1.5; mass_kg = 2; mu = 3; sphere_inertia = true; };\n"
             "limiter = { max_n = 3.5; slew_n_per_s = 100; ramp_s = 0.04; max_age_s = 0.02; };\n"
             "safety = { max_age_s = 0.03; arm_below_n = 0.2; bad_limit = 3; bad_window_s = 0.5; "
-            "overrun_limit = 7; };\n",
+            "overrun_limit = 7; };\n"
+            "passivity = { controller = \"on\"; damping_max = 7; add_max_n = 0.25; };\n",
             &s) == 0,
         "%s", err);
   CHECK(!strcmp(s.scene, "a.scene") && !strcmp(s.fcu, "trace:b.log") && !strcmp(s.lcm, "none"), "texts");
@@ -241,6 +242,9 @@ static void test_settings_arrive(void) {
   CHECK(s.safety.max_age_s == 0.03 && s.safety.arm_below_n == 0.2 && s.safety.bad_limit == 3 &&
             s.safety.bad_window_s == 0.5 && s.safety.overrun_limit == 7,
         "safety");
+  CHECK(s.passivity.controller == GV_PASSIVITY_ON && s.passivity.damping_max == 7.0 &&
+            s.passivity.add_max_n == 0.25,
+        "passivity");
 }
 
 static void test_named_calibration_is_read(void) {
@@ -396,6 +400,11 @@ static void test_what_protects_less_than_the_default_is_told(void) {
                 "limiter.finger_max_n 12.1 (12), limiter.ramp_s 0.03 (0.015), safety.bad_limit 12 (10), "
                 "safety.bad_window_s 0.05 (0.1)"),
         "%s", laxer);
+  CHECK(load_settings(V "passivity = { controller = \"on\"; add_max_n = 2.0; };\n", &s) == 0, "%s", err);
+  gv_settings_laxer(&s.limiter, &s.safety, &s.passivity, laxer);
+  CHECK(!strcmp(laxer, "passivity.add_max_n 2 (1)"), "%s", laxer);
+  CHECK(load_settings(V "passivity = { add_max_n = 2.1; };\n", &s) != 0, "2.1 N passes");
+  CHECK(load_settings(V "passivity = { controller = \"yes\"; };\n", &s) != 0, "\"yes\" passes");
 }
 
 // A word alone names the solver; presets set it, and a later word wins.
