@@ -22,8 +22,8 @@ void gv_tendon_map(const gv_joint_axis joint[GV_SENSORS], const gv_pose T_world_
 // The flexion joints of a finger (sensor numbers) and the tendon's moment arms there, metres.
 int gv_tendon_joints(int finger, int out_sensor[3], double out_arm_m[3]);
 
-// How far each finger's tendon is drawn out by its joints, metres: sum(r_j q_j) of 22 angles, rad. It grows as
-// the finger bends; a tension T does the work -T dx on the person.
+// How far each finger's tendon is drawn out by its joints, metres: sum(r_j q_j) of 22 angles, rad. It grows
+// as the finger bends; a tension T does the work -T dx on the person.
 void gv_tendon_way(const double angle_rad[GV_SENSORS], double out_way_m[GV_FINGERS]);
 
 typedef struct gv_limiter_config {

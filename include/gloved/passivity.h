@@ -3,11 +3,11 @@
 // controller (Hannaford and Ryu, "Time-domain passivity control of haptic interfaces", IEEE Trans. Robotics
 // and Automation 18, 2002). Pure, no heap; the real-time thread calls it. Cost: below 0.2 us a step.
 //
-// The port. x is the way of a finger's tendon, metres, x = sum r_j q_j over the finger's joints as the glove
-// measured them, held inside anatomy (gv_tendon_way, gv_engine_measured): it grows as the finger bends. T is the tension on the wire, after
-// limiter and rounding. A tendon pulls against bending, so T dx > 0 is work that the person does on gloved
-// and T dx < 0 is work that gloved does on the person. Step k of the measurements, at which the glove was
-// read again, adds
+// The port. x is the way of a finger's tendon, metres: x = sum r_j q_j over the finger's joints as the glove
+// measured them, jumps held back and within anatomy (gv_tendon_way, gv_engine_measured). It grows as the
+// finger bends. T is the tension on the wire, after limiter and rounding. A tendon pulls against bending, so
+// T dx > 0 is work that the person does on gloved, and T dx < 0 is work that gloved does on the person. Step
+// k of the measurements, at which the glove was read again, adds
 //   E += T(k-1) (x(k) - x(k-1))             exact where T is held between two measurements (zero-order hold);
 // where several commands went out between two measurements, T(k-1) is their mean over time, which is exact
 // for a finger that went evenly. A force that comes of what the person did alone, and passively, never has
@@ -59,16 +59,16 @@ const char *gv_passivity_check(const gv_passivity_config *cfg);
 
 // One tendon. Written by the functions below alone.
 typedef struct gv_passivity_port {
-  double energy_j;         // E: what the person has put in, less what came back; below zero: given out
-  double energy_least_j;   // the least so far, at most 0
-  double dissipated_j;     // what the controller took out, in energy_j too; below zero: it gave
-  double damping;          // alpha now, N s/m
-  double speed_m_s;        // of the tendon's way, between the last two measurements, less its mean
-  double power_w;          // mean of the swinging tension without the controller, times that speed
-  double speed2_m2_s2;     // mean of its square
-  double way_m;            // as measured last
+  double energy_j;        // E: what the person has put in, less what came back; below zero: given out
+  double energy_least_j;  // the least so far, at most 0
+  double dissipated_j;    // what the controller took out, in energy_j too; below zero: it gave
+  double damping;         // alpha now, N s/m
+  double speed_m_s;       // of the tendon's way, between the last two measurements, less its mean
+  double power_w;         // mean of the swinging tension without the controller, times that speed
+  double speed2_m2_s2;    // mean of its square
+  double way_m;           // as measured last
   double mean_tension_n, mean_speed_m_s;
-  double sent_n, added_n;  // on the wire now, and what the controller has to do with it
+  double sent_n, added_n;      // on the wire now, and what the controller has to do with it
   double sent_n_s, added_n_s;  // both over the time since the last measurement
 } gv_passivity_port;
 

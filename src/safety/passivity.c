@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// Passivity observer and controller of the five tendons (gloved/passivity.h has signs, equations and sources).
+// Passivity observer and controller of the five tendons (gloved/passivity.h: signs, equations and sources).
 // Real-time thread; pure.
 #include "gloved/passivity.h"
 

@@ -68,9 +68,7 @@ static uint32_t to_tension(double tension_n, double rounding) {
     return 0;
   return (uint32_t)gv_clamp(floor(tension_n / GV_TENSION_LSB_N + rounding), 0, FIELD_MAX);
 }
-double gv_fcu_command_tension(double tension_n) {
-  return to_tension(tension_n, 1e-6) * GV_TENSION_LSB_N;
-}
+double gv_fcu_command_tension(double tension_n) { return to_tension(tension_n, 1e-6) * GV_TENSION_LSB_N; }
 // Ages round up: a sample is never made younger than it is.
 static uint32_t to_age(uint32_t age_us) { return age_us > 655350 ? 65535 : (age_us + 9) / 10; }
 

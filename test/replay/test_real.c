@@ -339,9 +339,10 @@ static void test_passivity_controller_holds_what_swings(void) {
   }
   settings.passivity.controller = GV_PASSIVITY_OFF;
   settings.engine.limb.k_f = k_f;
-  printf("figure pinch_box at 2000 N/m, device=real: held on %d of %d seeds without passivity controller, on %d "
-         "with it; the thumb's tendon gives out %.2f J and %.2f J\n",
-         held[0], TRIED, held[1], given_j[0], given_j[1]);
+  printf(
+      "figure pinch_box at 2000 N/m, device=real: held on %d of %d seeds without passivity controller, on %d "
+      "with it; the thumb's tendon gives out %.2f J and %.2f J\n",
+      held[0], TRIED, held[1], given_j[0], given_j[1]);
   CHECK(held[0] <= 2 && held[1] >= 6, "%d without, %d with it", held[0], held[1]);
   CHECK(given_j[1] < 0.5 * given_j[0], "%g J without, %g J with it", given_j[0], given_j[1]);
 }

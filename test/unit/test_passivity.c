@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // Passivity observer and controller (gloved/passivity.h): the observed energy against closed formulas of
-// sampled springs, what the controller may and may not do to a force, and a finger on a stiff surface behind a
-// slow glove: it swings without the controller and rests with it, and what that costs in stiffness.
+// sampled springs, what the controller may and may not do to a force, and a finger on a stiff surface
+// behind a slow glove: it swings without the controller and rests with it, and what that costs in stiffness.
 //
 //   test_passivity               the tests
-//   test_passivity map           a line a stiffness, with a glove of 1 mm: how far the force swings, and what a
-//                                slow press feels, without and with it
+//   test_passivity map           a line a stiffness, with a glove of 1 mm: how far the force swings, and
+//                                what a slow press feels, without and with it
 #include <string.h>
 
 #include "gloved/force.h"
@@ -51,7 +51,8 @@ static void test_energy_of_a_sampled_spring_in_closed_form(void) {
         command(&p, k * (mean_m + amplitude_m * sin(a * (i - delay))), dt_s);
       }
       const double cycles_j = p.port[1].energy_j - begun_j;
-      const double cycle_j = 0.5 * k * amplitude_m * amplitude_m * n * (cos((delay + 1) * a) - cos(delay * a));
+      const double cycle_j = 0.5 * k * amplitude_m * amplitude_m * n *
+                             (cos((delay + 1) * a) - cos(delay * a));
       CHECK(fabs(cycles_j - 3.0 * cycle_j) <= 1e-9 * fabs(3.0 * cycle_j), "n %d, delay %d: %.15g of %.15g J",
             n, delay, cycles_j, 3.0 * cycle_j);
       CHECK(cycle_j < 0.0, "a sampled spring gives energy out");
@@ -87,8 +88,8 @@ static void test_a_sampled_wall_gives_what_the_mass_gains(void) {
   CHECK(fabs(p.port[1].energy_j - sampled_j) <= 1e-9 * gained_j, "%.15g", sampled_j);
 }
 
-// Commands between two measurements count by their time; a device that let go by itself pulls no more; a pause
-// without a way does not count.
+// Commands between two measurements count by their time; a device that let go by itself pulls no more; a
+// pause without a way does not count.
 static void test_energy_of_several_commands_and_of_pauses(void) {
   gv_passivity p;
   gv_passivity_init(&p, &off);
@@ -134,7 +135,8 @@ static void test_the_controller_never_pushes_and_adds_little(void) {
     gv_passivity_command(&p, desired, out, sent);
     gv_passivity_hold(&p, 0.01, 0.01);
     for (int f = 0; f < GV_FINGERS; f++)
-      CHECK(isfinite(p.port[f].energy_j) && isfinite(p.port[f].damping) && p.port[f].damping <= 20.0, "%d", f);
+      CHECK(isfinite(p.port[f].energy_j) && isfinite(p.port[f].damping) && p.port[f].damping <= 20.0, "%d",
+            f);
   }
   CHECK(changed > 1000, "it did something in %d steps only", changed);
 }
@@ -220,9 +222,9 @@ static void test_a_silent_glove_ends_the_damping(void) {
 static void test_bounds(void) {
   const gv_passivity_config usual = gv_passivity_config_default();
   CHECK(usual.controller == GV_PASSIVITY_OFF && gv_passivity_check(&usual) == NULL, "default");
-  const gv_passivity_config bad[] = {
-    {GV_PASSIVITY_ON, 51.0, 1.0}, {GV_PASSIVITY_ON, -1.0, 1.0}, {GV_PASSIVITY_ON, NAN, 1.0},
-    {GV_PASSIVITY_ON, 20.0, 2.1}, {GV_PASSIVITY_ON, 20.0, NAN}, {(gv_passivity_mode)2, 20.0, 1.0}};
+  const gv_passivity_config bad[] = {{GV_PASSIVITY_ON, 51.0, 1.0}, {GV_PASSIVITY_ON, -1.0, 1.0},
+                                     {GV_PASSIVITY_ON, NAN, 1.0},  {GV_PASSIVITY_ON, 20.0, 2.1},
+                                     {GV_PASSIVITY_ON, 20.0, NAN}, {(gv_passivity_mode)2, 20.0, 1.0}};
   for (size_t i = 0; i < sizeof bad / sizeof *bad; i++)
     CHECK(gv_passivity_check(&bad[i]) != NULL, "row %d passes", (int)i);
 }
@@ -321,9 +323,10 @@ static pressed press(press_setting s) {
 static void test_a_stiff_surface_oscillates_without_and_rests_with_it(void) {
   const pressed without = press((press_setting){600.0, &off, 0.0, 0.0});
   const pressed with = press((press_setting){600.0, &on, 0.0, 0.0});
-  printf("figure 600 N/m, glove of 90 Hz: the force swings by %.2f N without the controller, by %.6f N with it; "
-         "energy given out %.3f J, %.3f J\n",
-         without.swing_n[1], with.swing_n[1], -without.energy_j, -with.energy_j);
+  printf(
+      "figure 600 N/m, glove of 90 Hz: the force swings by %.2f N without the controller, by %.6f N with it; "
+      "energy given out %.3f J, %.3f J\n",
+      without.swing_n[1], with.swing_n[1], -without.energy_j, -with.energy_j);
   CHECK(without.swing_n[1] > 5.0 && fabs(without.swing_n[1] - without.swing_n[0]) < 0.05, "%g, then %g N",
         without.swing_n[0], without.swing_n[1]);
   CHECK(with.swing_n[1] < 0.001, "with it %g N", with.swing_n[1]);
@@ -371,7 +374,8 @@ static void map(void) {
     for (int mode = 0; mode < 2; mode++) {
       const pressed still = press((press_setting){k, mode ? &on : &off, 0.001, 0.0});
       const pressed slow = press((press_setting){k, mode ? &on : &off, 0.001, 0.005});
-      printf("%5.0f N/m, controller %-3s: swings by %6.3f N, felt as %6.1f N/m, energy %8.4f J, taken out %.4f J\n",
+      printf("%5.0f N/m, controller %-3s: swings by %6.3f N, felt as %6.1f N/m, energy %8.4f J, taken out "
+             "%.4f J\n",
              k, mode ? "on" : "off", still.swing_n[1], slow.felt_n_m, still.energy_j, still.dissipated_j);
     }
 }

@@ -32,7 +32,7 @@ typedef struct gv_snapshot {
   double force_n[GV_FINGERS];      // tensions commanded, after the limiter
   double measured_n[GV_FINGERS];   // tensions that the device reports; 0 before its first status
   double energy_j[GV_FINGERS], dissipated_j[GV_FINGERS];  // gv_passivity_port
-  double angle_rad[GV_SENSORS];    // filtered joint angles
+  double angle_rad[GV_SENSORS];                           // filtered joint angles
   gv_pose T_world_receiver, T_world_head;
   gv_counters counters;
   gv_frame_counters frames;

@@ -212,7 +212,8 @@ static void print_energy(const gv_passivity *passivity, FILE *out) {
   double mj[GV_FINGERS];
   for (int i = 0; i < GV_FINGERS; i++)
     mj[i] = -1e3 * passivity->port[i].energy_least_j + 0.0;
-  fprintf(out, "  most energy given out beyond what the hand put in, each tendon: %.1f %.1f %.1f %.1f %.1f mJ\n",
+  fprintf(out,
+          "  most energy given out beyond what the hand put in, each tendon: %.1f %.1f %.1f %.1f %.1f mJ\n",
           mj[0], mj[1], mj[2], mj[3], mj[4]);
 }
 
