@@ -10,8 +10,7 @@
 // k of the measurements, at which the glove was read again, adds
 //   E += T(k-1) (x(k) - x(k-1))             exact where T is held between two measurements (zero-order hold);
 // where several commands went out between two measurements, T(k-1) is their mean over time, which is exact
-// for a finger that went evenly. A force that comes of what the person did alone, and passively, never has
-// E < 0; a sampled spring loses K dx^2 / 2 in each step, and a delay loses more.
+// for a finger that went evenly. A spring or damper that answers at once never has E < 0; a sampled spring loses K dx^2 / 2 in each step, and a delay loses more.
 //
 // It is the port as gloved sees it: what the glove's sampling, the filter and gloved's period delay is in it;
 // what the wire delays, both ways, is not. And the wrist is no port: a hand that presses a finger onto the
@@ -24,10 +23,10 @@
 // what stays is what the coupling gives out.
 //
 // The controller: where that power P is below zero, a damper of alpha = -P / mean(v^2), at most damping_max,
-// on the swinging speed v; with it the port's mean power is zero: T = desired + alpha v. It is put before the
-// limiter, which judges its sum as it judges any force. It adds at most add_max_n and no more than what is
-// desired, nothing where nothing is desired, and takes away at most all of it; where the glove is silent for
-// two of its intervals it does nothing.
+// on the swinging speed v (over at least 4 ms: a count of the glove is no speed): T = desired + alpha v. With
+// it the port's mean power is zero. It is put before the limiter, which judges its sum as it judges any force.
+// It adds at most add_max_n and no more than what is desired, nothing where nothing is desired, and takes away
+// at most all of it; where the glove is silent for twice the time that v was taken over it does nothing.
 #ifndef GLOVED_PASSIVITY_H
 #define GLOVED_PASSIVITY_H
 
@@ -68,16 +67,18 @@ typedef struct gv_passivity_port {
   double speed2_m2_s2;    // mean of its square
   double way_m;           // as measured last
   double mean_tension_n, mean_speed_m_s;
-  double sent_n, added_n;      // on the wire now, and what the controller has to do with it
-  double sent_n_s, added_n_s;  // both over the time since the last measurement
+  double look_moved_m, look_naked_n_s;  // since the swing was judged last
+  double sent_n, added_n;               // on the wire now, and what the controller has to do with it
+  double sent_n_s, added_n_s;           // both over the time since the last measurement
 } gv_passivity_port;
 
 typedef struct gv_passivity {
   gv_passivity_config cfg;
   gv_passivity_port port[GV_FINGERS];
-  bool measured;      // a way is known
-  double since_s;     // the last measurement
-  double interval_s;  // between the last two
+  bool measured;    // a way is known
+  double since_s;   // the last measurement
+  double look_s;    // measured since the swing was judged last
+  double looked_s;  // what went into that
 } gv_passivity;
 
 void gv_passivity_init(gv_passivity *passivity, const gv_passivity_config *cfg);

@@ -7,7 +7,10 @@
 #include <math.h>
 #include <string.h>
 
-static const double least_speed2 = 1e-6;   // (1 mm/s)^2: below it there is no swing to be damped
+static const double least_speed2 = 1e-6;  // (1 mm/s)^2: below it there is no swing to be damped
+// A glove of 12 bits counts in 0.05 mm of a tendon's way: over a millisecond a speed of 50 mm/s, which a
+// damper would turn into 0.3 N of noise at 6 N s/m.
+static const double look_least_s = 0.004;
 static const double silent_intervals = 2;  // a speed that is older says nothing
 
 #define ROW(member, kind, min, max, laxer, words, sentence)                                                  \
@@ -53,21 +56,23 @@ void gv_passivity_hold(gv_passivity *p, double dt_s, double pulled_s) {
   }
 }
 
-static void observe(gv_passivity_port *port, double moved_m, double sent_n, double added_n) {
-  port->energy_j += sent_n * moved_m;
-  port->dissipated_j += added_n * moved_m;
+static void observe(gv_passivity_port *port, double moved_m, double dt_s) {
+  port->energy_j += port->sent_n_s / dt_s * moved_m;
+  port->dissipated_j += port->added_n_s / dt_s * moved_m;
   port->energy_least_j = fmin(port->energy_least_j, port->energy_j);
+  port->look_moved_m += moved_m;
+  port->look_naked_n_s += port->sent_n_s - port->added_n_s;
 }
 
 // A mean over `over_s` moves by this share of the way to what was so for dt_s.
 static double share(double dt_s, double over_s) { return dt_s / (over_s + dt_s); }
 
 // The swinging part without the controller: its mean power, and the damper that takes it up.
-static void judge_swing(gv_passivity_port *port, double moved_m, double naked_n, double dt_s,
-                        double damping_max) {
+static void judge_swing(gv_passivity_port *port, double dt_s, double damping_max) {
   const double slow = share(dt_s, GV_PASSIVITY_SWING_S);
   const double mean = share(dt_s, GV_PASSIVITY_POWER_S);
-  const double speed_m_s = moved_m / dt_s;
+  const double speed_m_s = port->look_moved_m / dt_s;
+  const double naked_n = port->look_naked_n_s / dt_s;
   port->mean_tension_n += slow * (naked_n - port->mean_tension_n);
   port->mean_speed_m_s += slow * (speed_m_s - port->mean_speed_m_s);
   port->speed_m_s = speed_m_s - port->mean_speed_m_s;
@@ -76,6 +81,18 @@ static void judge_swing(gv_passivity_port *port, double moved_m, double naked_n,
   port->speed2_m2_s2 += mean * (port->speed_m_s * port->speed_m_s - port->speed2_m2_s2);
   const double lost_w = fmax(0.0, -port->power_w);
   port->damping = fmin(damping_max, lost_w / (port->speed2_m2_s2 + least_speed2));
+  port->look_moved_m = 0.0;
+  port->look_naked_n_s = 0.0;
+}
+
+static void judge_swings(gv_passivity *p, double dt_s) {
+  p->look_s += dt_s;
+  if (p->look_s < look_least_s)
+    return;
+  for (int i = 0; i < GV_FINGERS; i++)
+    judge_swing(&p->port[i], p->look_s, p->cfg.damping_max);
+  p->looked_s = p->look_s;
+  p->look_s = 0.0;
 }
 
 void gv_passivity_measure(gv_passivity *p, const double way_m[GV_FINGERS]) {
@@ -86,18 +103,14 @@ void gv_passivity_measure(gv_passivity *p, const double way_m[GV_FINGERS]) {
   for (int i = 0; i < GV_FINGERS; i++) {
     gv_passivity_port *port = &p->port[i];
     assert(isfinite(way_m[i]));
-    if (compared) {
-      const double moved_m = way_m[i] - port->way_m;
-      const double sent_n = port->sent_n_s / dt_s;
-      const double added_n = port->added_n_s / dt_s;
-      observe(port, moved_m, sent_n, added_n);
-      judge_swing(port, moved_m, sent_n - added_n, dt_s, p->cfg.damping_max);
-    }
+    if (compared)
+      observe(port, way_m[i] - port->way_m, dt_s);
     port->way_m = way_m[i];
     port->sent_n_s = 0.0;
     port->added_n_s = 0.0;
   }
-  p->interval_s = compared ? dt_s : 0.0;
+  if (compared)
+    judge_swings(p, dt_s);
   p->since_s = 0.0;
   p->measured = true;
 }
@@ -114,7 +127,7 @@ static double damp(const gv_passivity *p, const gv_passivity_port *port, double 
 
 void gv_passivity_control(const gv_passivity *p, const double desired_n[GV_FINGERS],
                           double out_n[GV_FINGERS]) {
-  const bool silent = p->since_s > silent_intervals * p->interval_s;
+  const bool silent = p->look_s + p->since_s > silent_intervals * p->looked_s;
   const bool on = p->cfg.controller == GV_PASSIVITY_ON && !silent;
   for (int i = 0; i < GV_FINGERS; i++)
     out_n[i] = on ? damp(p, &p->port[i], desired_n[i]) : desired_n[i];

@@ -183,6 +183,24 @@ static void test_what_the_limiter_keeps_back_was_not_dissipated(void) {
   CHECK(asked_more > 500, "asked for more in %d steps", asked_more);
 }
 
+// Counts of 0.05 mm at 1 kHz: a speed from one to the next would be 50 mm/s or none.
+static void test_counts_of_a_fine_glove_are_not_felt(void) {
+  gv_passivity p;
+  double last_n = 0.0, jump_n = 0.0;
+  gv_passivity_init(&p, &on);
+  for (int i = 0; i <= 8000; i++) {
+    measure(&p, 5e-5 * floor(20.0 * (20.0 + sin(0.08 * i))));
+    const double desired_n = 3.0 + 0.4 * sin(0.08 * (i - 10));
+    const double added_n = command(&p, desired_n, 0.001) - desired_n;
+    if (i > 1000)
+      jump_n = fmax(jump_n, fabs(added_n - last_n));
+    last_n = added_n;
+  }
+  CHECK(p.port[1].damping > 1.0, "%g N s/m", p.port[1].damping);
+  printf("figure a count of a fine glove: jumps by %.3f N at %.1f N s/m\n", jump_n, p.port[1].damping);
+  CHECK(jump_n < 0.05 * p.port[1].damping, "jumps by %g N", jump_n);
+}
+
 static void test_the_damper_has_a_bound(void) {
   gv_passivity p;
   gv_passivity_init(&p, &off);
@@ -391,6 +409,7 @@ int main(int argc, char **argv) {
   RUN(test_the_controller_never_pushes_and_adds_little);
   RUN(test_the_damper_takes_what_the_spring_gives);
   RUN(test_what_the_limiter_keeps_back_was_not_dissipated);
+  RUN(test_counts_of_a_fine_glove_are_not_felt);
   RUN(test_the_damper_has_a_bound);
   RUN(test_switched_off_it_changes_no_bit);
   RUN(test_a_silent_glove_ends_the_damping);
