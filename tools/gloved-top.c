@@ -141,7 +141,7 @@ static void put_forces(top *t) {
   const double limit_n = t->stats ? t->stats->force_limit_n : 12.0;
   enum { BAR = 24 };
   put(t, "%s", "");
-  put(t, "force     0%*s%4.1f N   sent  wanted  measured", BAR - 2, "", limit_n);
+  put(t, "force     0%*s%4.1f N   sent  wanted  measured  energy mJ", BAR - 2, "", limit_n);
   for (int i = 0; i < GV_FINGERS; i++) {
     char bar[BAR + 1];
     for (int k = 0; k < BAR; k++) {
@@ -149,8 +149,8 @@ static void put_forces(top *t) {
       bar[k] = at < s->force_commanded_n[i] ? '#' : at < s->force_desired_n[i] ? '-' : ' ';
     }
     bar[BAR] = '\0';
-    put(t, "%-8s |%s| %8.2f %7.2f %9.2f", gv_finger_name(i), bar, s->force_commanded_n[i],
-        s->force_desired_n[i], s->force_measured_n[i]);
+    put(t, "%-8s |%s| %8.2f %7.2f %9.2f %10.1f", gv_finger_name(i), bar, s->force_commanded_n[i],
+        s->force_desired_n[i], s->force_measured_n[i], 1e3 * s->energy_j[i]);
   }
 }
 

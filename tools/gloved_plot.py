@@ -61,13 +61,13 @@ def write_table(path, header, rows):
 def write_csv(folder, run):
     """state.csv: 50 rows a second; steps.csv: every step, where the log has GLOVED_TRACE."""
     header = ["time_s", "safety"] + [f"{kind}_{f}_n" for kind in ("commanded", "desired", "measured") for f in FINGERS]
-    header += [f"{s}_rad" for s in SENSORS] + [f"depth_{p}_m" for p in PARTS] + [f"contact_force_{p}_n" for p in PARTS] + [f"energy_{p}_j" for p in PARTS]
+    header += [f"{s}_rad" for s in SENSORS] + [f"depth_{p}_m" for p in PARTS] + [f"contact_force_{p}_n" for p in PARTS] + [f"energy_{p}_j" for p in PARTS] + [f"given_{f}_j" for f in FINGERS]
     header += [f"{name}_{axis}" for name in run.objects for axis in ("x_m", "y_m", "z_m", "turned_rad")]
     rows = []
     for i, t in enumerate(run.t):
         objects = [value for k in range(len(run.objects)) for value in (*run.position[i, k], run.turned[i, k])]
         rows.append([t, SAFETY[run.safety[i]], *run.commanded[i], *run.desired[i], *run.measured[i], *run.angle[i], *run.depth[i],
-                     *run.contact_force[i], *run.energy[i], *objects])
+                     *run.contact_force[i], *run.energy[i], *-run.port_energy[i], *objects])
     write_table(f"{folder}/state.csv", header, rows)
     if run.step_work_us is None:
         return

@@ -63,6 +63,7 @@ class Run:
         self.commanded = np.array([s.force_commanded_n for s in states])
         self.desired = np.array([s.force_desired_n for s in states])
         self.measured = np.array([s.force_measured_n for s in states])
+        self.port_energy = np.array([s.energy_j for s in states])
         self.safety = np.array([s.safety_state for s in states])
         self.angle = np.array([s.angle_rad for s in states])
         self.depth, self.contact_force = contacts_of(states)
@@ -108,7 +109,7 @@ class Run:
         rows = [("duration", "s", self.t[-1]), ("steps", "", last.step)]
         rows += [(f"largest force, {name}", "N", force) for name, force in zip(FINGERS, self.step_commanded.max(axis=0))]
         rows += [(f"mean force, {name}", "N", force) for name, force in zip(FINGERS, self.step_commanded.mean(axis=0))]
-        rows += [("deepest penetration", "mm", last.depth_max_m * 1e3), ("largest energy of the coupling", "mJ", self.energy.sum(axis=1).max() * 1e3),
+        rows += [("deepest penetration", "mm", last.depth_max_m * 1e3), ("most energy given out at a tendon", "mJ", -self.port_energy.min(initial=0.0) * 1e3), ("largest energy of the coupling", "mJ", self.energy.sum(axis=1).max() * 1e3),
                  ("missed deadlines", "", last.missed_deadlines), ("frames lost", "", last.frames_lost), ("frames bad", "", last.frames_bad)]
         for name in ("step", "wake"):
             found = self.histogram(name)
@@ -125,6 +126,7 @@ class Run:
                 ("largest force", ", ".join(f"{name} {force:.2f} N" for name, force in zip(FINGERS, self.step_commanded.max(axis=0)))),
                 ("deepest penetration", f"{last.depth_max_m * 1e3:.3f} mm"),
                 ("largest energy of the coupling", f"{self.energy.sum(axis=1).max() * 1e3:.2f} mJ"),
+                ("most energy given out at each tendon", ", ".join(f"{name} {-energy * 1e3 + 0.0:.1f} mJ" for name, energy in zip(FINGERS, self.port_energy.min(axis=0, initial=0.0)))),
                 ("missed deadlines", f"{last.missed_deadlines}"), ("frames lost, bad, late", f"{last.frames_lost}, {last.frames_bad}, {last.frames_late}")]
         about = self.log.of("GLOVED_ABOUT")
         if about:

@@ -10,7 +10,8 @@
 // k of the measurements, at which the glove was read again, adds
 //   E += T(k-1) (x(k) - x(k-1))             exact where T is held between two measurements (zero-order hold);
 // where several commands went out between two measurements, T(k-1) is their mean over time, which is exact
-// for a finger that went evenly. A spring or damper that answers at once never has E < 0; a sampled spring loses K dx^2 / 2 in each step, and a delay loses more.
+// for a finger that went evenly. A spring or damper that answers at once never has E < 0; a sampled spring
+// loses K dx^2 / 2 in each step, and a delay loses more.
 //
 // It is the port as gloved sees it: what the glove's sampling, the filter and gloved's period delay is in it;
 // what the wire delays, both ways, is not. And the wrist is no port: a hand that presses a finger onto the
@@ -22,11 +23,12 @@
 // GV_PASSIVITY_POWER_S. In a swing at a steady amplitude what is stored comes back in each cycle and cancels;
 // what stays is what the coupling gives out.
 //
-// The controller: where that power P is below zero, a damper of alpha = -P / mean(v^2), at most damping_max,
-// on the swinging speed v (over at least 4 ms: a count of the glove is no speed): T = desired + alpha v. With
-// it the port's mean power is zero. It is put before the limiter, which judges its sum as it judges any force.
-// It adds at most add_max_n and no more than what is desired, nothing where nothing is desired, and takes away
-// at most all of it; where the glove is silent for twice the time that v was taken over it does nothing.
+// The controller: where that power P is below zero, a damper of alpha = -P / mean(v^2), at most
+// damping_max, on the swinging speed v (over at least 4 ms: a count of the glove is no speed): T = desired
+// + alpha v. With it the port's mean power is zero. It is put before the limiter, which judges its sum as
+// it judges any force. It adds at most add_max_n and no more than what is desired, nothing where nothing
+// is desired, and takes away at most all of it; where the glove is silent for twice the time that v was
+// taken over it does nothing.
 #ifndef GLOVED_PASSIVITY_H
 #define GLOVED_PASSIVITY_H
 

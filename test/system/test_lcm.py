@@ -60,6 +60,8 @@ def check_press(s):
         return f"index finger: wanted {s.force_desired_n[1]} N, commanded {s.force_commanded_n[1]} N"
     if abs(s.force_commanded_n[1] - s.force_measured_n[1]) > 0.1:
         return f"the device reports {s.force_measured_n[1]} N of {s.force_commanded_n[1]} N"
+    if not 1e-5 < abs(s.energy_j[1]) < 1 or any(s.energy_dissipated_j) or not all(map(math.isfinite, s.energy_j)):
+        return f"energy at the tendons {s.energy_j} J, dissipated {s.energy_dissipated_j} J"
     if s.heap_calls != 0 or s.frames_lost != 0 or s.frames_bad != 0:
         return f"heap calls {s.heap_calls}, frames lost {s.frames_lost}, bad {s.frames_bad}"
     return ""

@@ -46,6 +46,7 @@ def check_tables(folder, states, stats):
     same = lambda a, b: abs(a - b) <= 1e-6 * abs(b)  # rounded to seven digits
     wrong = [r["time_s"] for r, s in zip(rows, states) if not same(r["time_s"], s.time_s)
              or not all(same(r[f"commanded_{f}_n"], n) for f, n in zip(FINGERS, s.force_commanded_n))
+             or not all(same(r[f"given_{f}_j"], -n) for f, n in zip(FINGERS, s.energy_j))
              or not same(r["index_mpj_rad"], s.angle_rad[4]) or not same(r["box_z_m"], s.object[1].position_m[2])]
     verdict("the_table_is_the_log", f"at {wrong[:3]}" if wrong or len(rows) != len(states) else "")
     deepest = max(r["depth_index_m"] for r in rows)
