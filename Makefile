@@ -186,7 +186,7 @@ build/.service-packages: build/.run-packages
 .PHONY: test-service
 
 ## all: build the daemon, the tools and the tests
-all: $(B)/gloved $(TOOLS:%=$(B)/%) $(TESTS:%=$(B)/test/%) $(B)/test/bench_engine $(B)/test/bench_latency $(B)/test/soak $(B)/test/campaign_alone
+all: $(B)/gloved $(TOOLS:%=$(B)/%) $(TESTS:%=$(B)/test/%) $(B)/test/bench_engine $(B)/test/bench_latency $(B)/test/soak $(B)/test/campaign_alone $(B)/test/zwidth_point
 
 # Meshes that become scenes (about 5 s each, the full bunny 20 s): things of our own, and Debian's bunny.
 # gloved-scene and gloved-shapes make the virtual environment that they need. Masses in kilograms.
@@ -352,6 +352,17 @@ build/venv-campaign/.done: build/.run-packages
 	$(Q)build/venv-campaign/bin/pip install -q --disable-pip-version-check snakemake
 	@touch $@
 
+## zwidth: how stiff the coupling may be before the loop with a finger is noisy or oscillates: map over damping, delay, rate, quantum (5 minutes; POINTS=2: coarse; MORE=config=FILE: with other settings); data/bench/zwidth.csv, data/pictures/zwidth-*.png
+POINTS ?= 4
+zwidth: build/venv-campaign/.done build/venv-plot/.done
+	$(Q)$(MAKE) --no-print-directory $(B)/test/zwidth_point
+	@mkdir -p build/zwidth
+	$(Q)build/venv-campaign/bin/snakemake --snakefile test/zwidth/Snakefile --directory build/zwidth --quiet rules host progress --nolock \
+	  --forceall $(if $(PROFILE),--profile $(PROFILE),--cores $(JOBS)) --config root=$(CURDIR) worker=$(abspath $(B))/test/zwidth_point \
+	  python=$(CURDIR)/build/venv-plot/bin/python per_decade=$(POINTS) more="$(MORE)"
+	$(Q)$(if $(MORE),,cp build/zwidth/zwidth.csv data/bench/ && cp build/zwidth/zwidth-*.png data/pictures/)
+.PHONY: zwidth
+
 # Everything with Clang's fuzzer and sanitizers in it, in a build directory of its own.
 FUZZ     := $(basename $(notdir $(wildcard test/fuzz/fuzz_*.c)))
 FUZZ_S   ?= 600
@@ -457,6 +468,10 @@ $(B)/test/bench_pairs: $(B)/test/bench/bench_pairs.o test/bench/bench_coal.cc te
 	@mkdir -p $(@D)
 	$(Q)g++ -std=c++17 -O2 -isystem $(CMEEL)/include -isystem /usr/include/eigen3 \
 	  -Itest test/bench/bench_coal.cc $< $(LIB) $(CMEEL)/lib/libcoal.so -Wl,-rpath,$(abspath $(CMEEL))/lib -lccd -lm -o $@
+# What make zwidth runs for each panel of its map.
+$(B)/test/zwidth_point: $(B)/test/zwidth/zwidth.o $(LIB)
+	@mkdir -p $(@D)
+	$(Q)$(CC) $(LDFLAGS) $^ $(LDLIBS) -o $@
 # Test programs lie side by side in $(B)/test, whatever folder their source is in.
 define test_program
 $(B)/test/$(basename $(notdir $1)): $(B)/$(1:.c=.o) $(LIB)
