@@ -62,6 +62,9 @@ typedef struct gv_config {
   gv_narrow narrow;                 // which narrow phase finds distances and depths
   gv_friction friction;             // of the hand's skin
   double mu_hand;                   // coefficient, or newtons
+  double patch_m;                   // radius of the patch in which the skin touches: friction against turning
+                                    // about the normal, up to 2/3 mu patch_m times the normal force (evenly
+                                    // pressed; Howe and Cutkosky 1996); 0: a point, which holds no turn
   double contact_erp, contact_cfm;  // on the normal row alone
   double world_cfm;                 // of friction rows, and of ODE's world; never 0
   double contact_margin_m;          // gaps below this get a row that lets them close, but not overshoot

@@ -68,11 +68,17 @@ enum { STAGES = sizeof programme / sizeof programme[0], MOST_SOLVES = 100 };
 // ---- where to begin -------------------------------------------------------------------------------
 
 // The state of the last step's contact, friction turned into the new tangent plane.
-static void take_guess(gv_newton_contact *c, const gv_newton_guess *g) {
+static void take_guess(gv_newton *s, gv_newton_contact *c, const gv_newton_guess *g) {
   const gv_vec3 e = gv_mad(g->friction_dir, -gv_dot(g->friction_dir, c->normal), c->normal);
   c->first.state = g->state;
   c->first.lambda = g->lambda;
   c->first.friction_dir = gv_normalize_or(e, gv_any_perpendicular(c->normal));
+  if (c->spin < 0)
+    return;
+  gv_newton_row *row = &s->row[c->spin];
+  row->first = row->state = (gv_row_state)g->spin;
+  row->high = g->spin_most;
+  row->low = -g->spin_most;
 }
 
 // Contacts of the same two bodies belong together in their order, which is mostly that of the last step.
@@ -96,7 +102,7 @@ static void choose_start(gv_newton *s) {
     if (k >= 0) {
       used[k] = true;
       at = k + 1;
-      take_guess(c, &s->last[k]);
+      take_guess(s, c, &s->last[k]);
       continue;
     }
     const bool parts = gv_dot(c->free_u, c->normal) > 0.0;
@@ -109,7 +115,14 @@ static void keep_guess(gv_newton *s) {
   assert(s->count >= 0 && s->count <= GV_MAX_CONTACTS);
   for (int i = 0; i < s->count; i++) {
     const gv_newton_contact *c = &s->contact[i];
-    s->last[i] = (gv_newton_guess){c->body_a, c->body_b, c->mode.friction_dir, c->mode.lambda, c->mode.state};
+    const gv_newton_row *spin = c->spin < 0 ? NULL : &s->row[c->spin];
+    s->last[i] = (gv_newton_guess){.body_a = c->body_a,
+                                   .body_b = c->body_b,
+                                   .friction_dir = c->mode.friction_dir,
+                                   .lambda = c->mode.lambda,
+                                   .state = c->mode.state,
+                                   .spin = spin ? (uint8_t)spin->state : GV_ROW_HOLDS,
+                                   .spin_most = spin ? spin->high : 0.0};
   }
   s->last_count = s->count;
 }

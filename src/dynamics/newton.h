@@ -32,6 +32,8 @@ typedef struct gv_newton_guess {
   gv_vec3 friction_dir;
   double lambda;
   gv_newton_state state;
+  uint8_t spin;      // state of the patch's row,
+  double spin_most;  // and its bound, N m s
 } gv_newton_guess;
 
 typedef struct gv_newton {
@@ -51,8 +53,8 @@ typedef struct gv_newton {
   int node_of[GV_BODIES];   // -1: does not move, or touches nothing
   gv_newton_contact contact[GV_MAX_CONTACTS];
   gv_newton_mode kept[GV_MAX_CONTACTS];
-  int rows;  // of joints
-  gv_newton_row row[GV_MAX_ROWS];
+  int rows;  // of joints, then of contacts' patches
+  gv_newton_row row[GV_MAX_ROWS + GV_MAX_CONTACTS];
   gv_newton_node node[GV_NODES];
   gv_newton_limb limb[GV_LIMBS];
   int of_limb[GV_MAX_CONTACTS];  // contacts, limb by limb

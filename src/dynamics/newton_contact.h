@@ -26,6 +26,7 @@ typedef struct gv_newton_contact {
   double mu;
   double target;                      // a: normal velocity that is asked, m/s
   double compliance_n, compliance_t;  // c_n, c_t: m/s for 1 N s
+  int spin;                           // row of the patch; -1: a point
   int limb;                           // of gv_newton: one that is eliminated first; -1: none
   // a limb with this contact alone: the velocity of its point for an impulse there is (give
   // I - turn arm arm^T) times it

@@ -43,6 +43,7 @@ static void make_row(gv_newton *s, const gv_problem *problem, const gv_problem_r
   row->node_a = s->node_of[from->body_a];
   row->node_b = from->body_b == GV_WORLD ? -1 : s->node_of[from->body_b];
   row->slot = from->slot;
+  row->contact = -1;
   row->to_a = jacobian(from, from->arm_a, 1.0);
   row->to_b = jacobian(from, from->arm_b, -1.0);
   row->compliance = from->compliance;
@@ -53,6 +54,32 @@ static void make_row(gv_newton *s, const gv_problem *problem, const gv_problem_r
   if (row->node_b >= 0) {
     row->free_u += free_velocity(problem, from->body_b, &row->to_b);
     row->inverse_mass += give_of(&s->node[row->node_b], &row->to_b);
+  }
+}
+
+// The turn of a over b about the contact's normal.
+static void make_patch(gv_newton *s, const gv_problem *problem, int contact, gv_newton_row *row) {
+  const gv_problem_contact *c = &problem->contact[contact];
+  const bool b_moves = problem->body[c->body_b].mass > 0.0;
+  const gv_problem_row turn = {.body_a = c->body_a,
+                               .body_b = b_moves ? c->body_b : GV_WORLD,
+                               .turns = true,
+                               .direction = c->frame[0],
+                               .compliance = c->tangent_compliance * gv_patch_give(c)};
+  make_row(s, problem, &turn, row);
+  row->contact = contact;
+  row->first = row->state = GV_ROW_HOLDS;
+  row->normal_to_most = gv_patch_arm(c);
+}
+
+static void set_up_patches(gv_newton *s, const gv_problem *problem) {
+  for (int i = 0; i < s->count; i++) {
+    s->contact[i].spin = -1;
+    if (!(problem->contact[i].patch > 0.0))
+      continue;
+    assert(s->rows < GV_MAX_ROWS + GV_MAX_CONTACTS);
+    s->contact[i].spin = s->rows;
+    make_patch(s, problem, i, &s->row[s->rows++]);
   }
 }
 
@@ -67,11 +94,14 @@ void gv_newton_rows_set_up(gv_newton *s, const gv_problem *problem) {
     if (row->node_b >= 0)
       gv_blocks_link(&s->blocks, row->node_a, row->node_b);
   }
+  set_up_patches(s, problem);
 }
 
 // ---- the equations --------------------------------------------------------------------------------
 
 static double bound_of(const gv_newton_row *row) {
+  if (row->contact >= 0)
+    return row->state == GV_ROW_AT_LOW ? -row->applied : row->applied;
   return row->state == GV_ROW_AT_LOW ? row->low : row->high;
 }
 
@@ -81,6 +111,7 @@ void gv_newton_rows_mark(gv_newton *s) {
     if (!row->changed)
       continue;
     row->changed = false;
+    row->applied = row->high;
     gv_blocks_change(&s->blocks, row->node_a);
     if (row->node_b >= 0)
       gv_blocks_change(&s->blocks, row->node_b);
@@ -151,10 +182,17 @@ static void project_row(gv_newton_row *row, double weight) {
   row->merit = by_rho * off * off;
 }
 
+static void bound_by_normal(gv_newton_row *row, const gv_newton_contact *c) {
+  row->high = row->normal_to_most * fmax(0.0, gv_dot(c->impulse, c->normal));
+  row->low = -row->high;
+}
+
 double gv_newton_rows_project(gv_newton *s, double weight, double *io_merit) {
   double worst = 0.0;
   for (int i = 0; i < s->rows; i++) {
     gv_newton_row *row = &s->row[i];
+    if (row->contact >= 0)
+      bound_by_normal(row, &s->contact[row->contact]);
     project_row(row, weight);
     *io_merit += row->merit;
     if (!(row->residual <= worst))
@@ -166,7 +204,7 @@ double gv_newton_rows_project(gv_newton *s, double weight, double *io_merit) {
 void gv_newton_rows_adopt(gv_newton *s) {
   for (int i = 0; i < s->rows; i++) {
     gv_newton_row *row = &s->row[i];
-    if (!(row->residual > 1.0) || row->next == row->state)
+    if (!(row->residual > 1.0) || (row->next == row->state && row->contact < 0))
       continue;
     row->state = row->next;
     row->changed = true;
@@ -179,6 +217,8 @@ void gv_newton_rows_adopt(gv_newton *s) {
 void gv_newton_rows_start(gv_newton *s) {
   for (int i = 0; i < s->rows; i++) {
     gv_newton_row *row = &s->row[i];
+    if (row->contact >= 0)
+      continue;
     row->first = row->state = (gv_row_state)s->last_row[row->slot];
     if (row->state != GV_ROW_HOLDS && isinf(bound_of(row)))
       row->first = GV_ROW_HOLDS;
@@ -187,5 +227,6 @@ void gv_newton_rows_start(gv_newton *s) {
 
 void gv_newton_rows_keep(gv_newton *s) {
   for (int i = 0; i < s->rows; i++)
-    s->last_row[s->row[i].slot] = (uint8_t)s->row[i].state;
+    if (s->row[i].contact < 0)
+      s->last_row[s->row[i].slot] = (uint8_t)s->row[i].state;
 }

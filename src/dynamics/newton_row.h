@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// Rows of joints in the Newton solver. A row's law is y = clamp(y - rho w), w = g - target + c y, the
-// projection of newton.c's (6) onto an interval in place of a cone: it holds (y follows linearly, stiffness
-// 1/c on its Jacobian) or stands at one of its bounds (y is known). Pure, real-time thread.
+// Rows of joints, and of the patches of contacts, in the Newton solver. A row's law is y = clamp(y - rho w),
+// w = g - target + c y, the projection of newton.c's (6) onto an interval in place of a cone: it holds (y
+// follows linearly, stiffness 1/c on its Jacobian) or stands at one of its bounds (y is known). Pure,
+// real-time thread.
 #ifndef NEWTON_ROW_H
 #define NEWTON_ROW_H
 
@@ -14,7 +15,10 @@ typedef enum gv_row_state { GV_ROW_HOLDS, GV_ROW_AT_LOW, GV_ROW_AT_HIGH } gv_row
 
 typedef struct gv_newton_row {
   int node_a, node_b;  // in the equations; -1: does not move
-  int slot;
+  int slot;     // of a joint's row
+  int contact;  // of a patch's row, whose bound follows the normal impulse from one solution to the next; -1
+  double normal_to_most;  // gv_patch_arm
+  double applied;         // the bound in the equations
   gv_six to_a, to_b;  // the Jacobian G
   double free_u;      // G v_free - target
   double compliance, low, high;

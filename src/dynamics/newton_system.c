@@ -27,7 +27,7 @@ static void add_node(gv_newton *s, const gv_problem *problem, int body) {
   s->node_of[body] = s->nodes++;
 }
 
-// The one body that each limb touches, which itself must not be a leaf. A limb in a joint is none.
+// The one body that each limb touches, which itself must not be a leaf. A limb in a row is none.
 static void find_partners(const gv_newton *s, const gv_problem *problem, int out_partner[GV_LIMBS]) {
   for (int i = 0; i < GV_LIMBS; i++)
     out_partner[i] = NOBODY;
@@ -39,7 +39,7 @@ static void find_partners(const gv_newton *s, const gv_problem *problem, int out
     if (!is_limb(c->body_a))
       continue;
     int *partner = &out_partner[c->body_a];
-    *partner = *partner == NOBODY || *partner == other ? other : MANY;
+    *partner = c->patch > 0.0 || (*partner != NOBODY && *partner != other) ? MANY : other;
   }
   for (int i = 0; i < problem->row_count; i++) {
     const gv_problem_row *row = &problem->row[i];

@@ -8,6 +8,7 @@
 //
 //   normal   dContactMotionN = target_velocity with depth 0, soft_cfm = c_n h
 //   tangents dContactFDir1, slip1 = slip2 = c_t h, mu or force limit
+//   patch    dContactRolling, rhoN = 2/3 mu R, for ODE stiff
 //
 // Memory: ODE's allocator is a pool in the arena, its step memory one block of it. ODE ends the process on a
 // pivot of zero; its error handler leaves the step by longjmp instead, and the pool goes back to the image
@@ -232,6 +233,12 @@ static void put_contact(gv_ode *o, const gv_problem *problem, const gv_ode_metho
   } else {
     k.surface.mode |= dContactApprox1;
     k.surface.mu = c->mu;
+  }
+  if (c->patch > 0.0) {  // its bound follows the normal force, as dContactApprox1's
+    if (!(k.surface.mode & dContactMu2))
+      k.surface.mu2 = k.surface.mu;
+    k.surface.mode |= dContactRolling | dContactAxisDep | dContactApprox1_N;
+    k.surface.rhoN = gv_patch_arm(c);
   }
   put_vector(k.geom.pos, c->point);
   put_vector(k.geom.normal, c->frame[0]);

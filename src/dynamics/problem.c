@@ -38,7 +38,9 @@ static void set_spring(gv_problem_contact *out, const gv_config *cfg, double dep
 static bool is_sound(const gv_dynamics_contact *c) {
   if (!gv_v3_finite(c->position) || !gv_v3_finite(c->normal) || !gv_v3_finite(c->friction_dir))
     return false;
-  return isfinite(c->depth) && isfinite(c->mu) && fabs(gv_norm2(c->normal) - 1.0) < 1e-6;
+  if (!isfinite(c->depth) || !isfinite(c->mu) || !isfinite(c->patch))
+    return false;
+  return fabs(gv_norm2(c->normal) - 1.0) < 1e-6;
 }
 
 // Softness on the normal row alone: friction rows that inherit a large CFM creep and drop the object.
@@ -56,6 +58,7 @@ static void set_contact(gv_problem_contact *out, const gv_config *cfg, const gv_
   out->friction = c->friction;
   out->mu = coulomb ? c->mu : 0.0;
   out->friction_limit = coulomb ? 0.0 : c->mu * cfg->step_s;
+  out->patch = coulomb ? c->patch : 0.0;
 }
 
 void gv_problem_set_contacts(gv_problem *problem, const gv_config *cfg, const gv_dynamics_contact contact[],

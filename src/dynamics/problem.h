@@ -11,6 +11,9 @@
 //   low <= y <= high, g = G v              rows of joints: g + c y = target where y is inside its bounds,
 //                                          no less than target at low, no more at high
 //
+//   |t| <= 2/3 mu R x_n                    torque about n, N m s, against the turn of a over b, in a patch
+//                                          of radius R that is pressed evenly; none where R is 0
+//
 // Bound of friction: |x_t| <= mu x_n (Coulomb's law), or |x_t1|, |x_t2| <= limit (a fixed limit, Eqn 10 as
 // ODE means it). With target = erp depth / h and c = cfm / h a row is the one that ODE calls by its ERP and
 // CFM; 1 / (c h) is the stiffness of an implicit spring. Contacts become the problem in problem.c, which
@@ -41,6 +44,7 @@ typedef struct gv_problem_contact {
   gv_friction friction;       // law
   double mu;                  // Coulomb's coefficient; 0 with a fixed limit
   double friction_limit;      // of each tangent, N s, with a fixed limit; else 0
+  double patch;               // R, m; 0: a point
 } gv_problem_contact;
 
 // One scalar condition between two bodies: velocity of a against b along a direction at a point, or about it.
@@ -83,6 +87,11 @@ typedef struct gv_problem {
   gv_problem_row row[GV_MAX_ROWS];
 } gv_problem;
 
+// Torque about the normal for a normal force, m; and of the patch's shear, what the tangents' compliance is
+// to its turn, 1/m^2: the mean square of a radius in the patch is half of R^2.
+static inline double gv_patch_arm(const gv_problem_contact *c) { return 2.0 / 3.0 * c->mu * c->patch; }
+static inline double gv_patch_give(const gv_problem_contact *c) { return 2.0 / (c->patch * c->patch); }
+
 // Of one body after the step.
 typedef struct gv_velocity {
   gv_vec3 v, w;
@@ -94,7 +103,8 @@ typedef struct gv_dynamics_contact {
   gv_vec3 position, normal, friction_dir;  // world; friction_dir unit, at right angles to the normal
   double depth;                            // metres; negative: gap, which the step may close but not pass
   gv_friction friction;
-  double mu;  // coefficient, or newtons with GV_FRICTION_FIXED_LIMIT
+  double mu;     // coefficient, or newtons with GV_FRICTION_FIXED_LIMIT
+  double patch;  // radius, m; 0: a point
 } gv_dynamics_contact;
 
 // The contact law: states contacts[] as a problem whose bodies, step and budget are there already. What is

@@ -112,6 +112,9 @@ const gv_setting gv_engine_settings[GV_ENGINE_SETTINGS] = {
   NUMBER("contact", "mu_hand", mu_hand, 0, 1e4, "friction of the skin; objects have theirs in the scene"),
   CHOICE("contact", "friction", friction, frictions,
          "its round cone; \"fixed_limit\": mu is a force in newtons (Eqn 10)"),
+  {"contact", "patch_mm", GV_SETTING_LENGTH, offsetof(gv_config, patch_m), 0, 20, GV_LAXER_NEVER, NULL,
+   "radius of the patch in which the skin touches, as a soft pad does: it holds turns about the\n"
+   "normal with up to 2/3 mu patch times the normal force; 0: a point, which holds none"},
   NUMBER("contact", "erp", contact_erp, 0, 1, "share of a penetration that one step takes back"),
   NUMBER("contact", "cfm", contact_cfm, 1e-9, 1, "softness of a contact's normal, m/(N s)"),
   NUMBER("contact", "world_cfm", world_cfm, 1e-14, 1e-2, "softness of everything else; never 0"),

@@ -12,11 +12,11 @@ from callgrind import mean  # noqa: E402 (test/support is no package)
 
 B = os.environ.get("B", "build/gcc-O2")
 TABLE = "data/bench/solvers.csv"
-VARIANTS = ("default", "newton", "dantzig", "quickstep", "libccd", "stock", "paper")
+VARIANTS = ("default", "newton", "dantzig", "quickstep", "libccd", "stock", "paper", "finger_joints", "pads")
 COUNTED = ("power_box", "bar_frame", "power_bunny250")
 FIRST, STEPS = 6500, 100
 COLUMNS = ("trace", "variant", "slip_mm", "tilt_deg", "depth_mm", "loaded", "outside_cone", "worst", "newton", "dantzig",
-           "quickstep", "instructions")
+           "quickstep", "apart_mm", "instructions")
 
 
 def measure(variant):
@@ -37,18 +37,19 @@ def main():
         writer = csv.DictWriter(file, COLUMNS, lineterminator="\n")
         writer.writeheader()
         writer.writerows(rows)
-    print("| | slip, worst mm | tilt, worst deg | deepest mm | outside the cone | steps newton / dantzig / quickstep | "
+    print("| | slip, worst mm | tilt, worst deg | deepest mm | outside the cone | steps newton / dantzig / quickstep | bones apart, mm | "
           "1000 instructions: " + ", ".join(COUNTED) + " |")
-    print("|---|---|---|---|---|---|---|")
+    print("|---|---|---|---|---|---|---|---|")
     for variant in VARIANTS:
         mine = [row for row in rows if row["variant"] == variant]
-        worst = {key: max(float(row[key]) for row in mine) for key in ("slip_mm", "tilt_deg", "depth_mm", "worst")}
+        worst = {key: max(float(row[key]) for row in mine) for key in ("slip_mm", "tilt_deg", "depth_mm", "worst", "apart_mm")}
         loaded = sum(int(row["loaded"]) for row in mine)
         outside = 100 * sum(int(row["outside_cone"]) for row in mine) / max(1, loaded)
         cone = "-" if not loaded else f"{outside:.2g} %" + (f", x{worst['worst']:.2f}" if outside else "")
         steps = " / ".join(f"{sum(int(row[name]) for row in mine)}" for name in ("newton", "dantzig", "quickstep"))
         cost = ", ".join(f"{int(row['instructions']) / 1000:.0f}" for name in COUNTED for row in mine if row["trace"] == name)
-        print(f"| {variant} | {worst['slip_mm']:.3f} | {worst['tilt_deg']:.3f} | {worst['depth_mm']:.3f} | {cone} | {steps} | {cost} |")
+        print(f"| {variant} | {worst['slip_mm']:.3f} | {worst['tilt_deg']:.3f} | {worst['depth_mm']:.3f} | {cone} | {steps} | "
+              f"{worst['apart_mm']:.2f} | {cost} |")
 
 
 sys.exit(main())

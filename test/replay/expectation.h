@@ -32,10 +32,11 @@ typedef enum variant {
   VARIANT_STOCK,
   VARIANT_PAPER,
   VARIANT_FINGER_JOINTS,
+  VARIANT_PADS,
   VARIANTS
 } variant;
 static const char *const variant_name[VARIANTS] = {"default", "newton", "dantzig", "quickstep",
-                                                   "libccd",  "stock",  "paper",   "finger_joints"};
+                                                   "libccd",  "stock",  "paper",   "finger_joints", "pads"};
 
 static inline gv_config variant_config(variant v) {
   gv_config c = v == VARIANT_PAPER   ? gv_config_paper()
@@ -50,6 +51,7 @@ static inline gv_config variant_config(variant v) {
   if (v == VARIANT_LIBCCD)
     c.narrow = GV_NARROW_LIBCCD;
   c.finger_joints = v == VARIANT_FINGER_JOINTS;
+  c.patch_m = v == VARIANT_PADS ? 0.006 : 0.0;
   return c;
 }
 

@@ -134,10 +134,10 @@ static void measure(void) {
   if (is_missing(&expected) || replay(&expected, now, false, &measured))
     return;
   const measures *m = &measured;
-  printf("%s,%s,%.4f,%.4f,%.4f,%ld,%ld,%.3f,%" PRIu64 ",%" PRIu64 ",%" PRIu64 "\n", expected.name,
+  printf("%s,%s,%.4f,%.4f,%.4f,%ld,%ld,%.3f,%" PRIu64 ",%" PRIu64 ",%" PRIu64 ",%.2f\n", expected.name,
          variant_name[now], m->slip_m * 1e3, m->tilt_rad * 180 / GV_PI, m->depth_m * 1e3, m->loaded,
          m->outside, m->worst_friction, m->counters.newton_steps, m->counters.dantzig_steps,
-         m->counters.quickstep_steps);
+         m->counters.quickstep_steps, m->apart_m * 1e3);
 }
 
 static int is_trace(const struct dirent *d) { return d->d_name[0] != '.' && !strchr(d->d_name, '.'); }

@@ -70,6 +70,7 @@ static void test_example_equals_the_defaults(void) {
   SAME(engine.gate_m_s);
   SAME(engine.prediction_s);
   SAME(engine.mu_hand);
+  SAME(engine.patch_m);
   SAME(engine.friction);
   SAME(engine.contact_erp);
   SAME(engine.contact_cfm);
