@@ -174,16 +174,10 @@ static void test_paper_preset_comes_first(void) {
         "not the paper's");
 }
 
-// The law's name, and the one that it had when it was solved as a pyramid.
-static void test_friction_by_either_name(void) {
-  static const char *const word[] = {"coulomb", "pyramid"};
-  for (int i = 0; i < 2; i++) {
-    gv_settings s;
-    char text[120];
-    snprintf(text, sizeof text, "version = 1;\npreset = \"paper\";\ncontact = { friction = \"%s\"; };\n",
-             word[i]);
-    CHECK(load_settings(text, &s) == 0 && s.engine.friction == GV_FRICTION_COULOMB, "%s: %s", word[i], err);
-  }
+static void test_friction_over_a_preset(void) {
+  gv_settings s;
+  const char *text = "version = 1;\npreset = \"paper\";\ncontact = { friction = \"coulomb\"; };\n";
+  CHECK(load_settings(text, &s) == 0 && s.engine.friction == GV_FRICTION_COULOMB, "%s", err);
 }
 
 static void test_settings_arrive(void) {
@@ -310,6 +304,7 @@ static const mistake settings_mistakes[] = {
   {V "scene = 5;\n", ":2: ", "'scene' is no text"},
   {V "scene = \"a\\nb\";\n", ":2: ", "control character"},
   {V "preset = \"papers\";\n", ":2: ", "\"default\" or \"stock\" or \"paper\""},
+  {V "contact = { friction = \"pyramid\"; };\n", ":2: ", "is gone, friction is a round cone"},
   {V "hand = { side = \"both\"; };\n", ":2: ", "\"right\" or \"left\""},
   {V "hand = {\n segment_mm = ([46.6, 31.4, 26.9]);\n};\n", ":3: ", "5 rows"},
   {V "hand = {\n radius_mm = ([11,10,9],\n [9,8,7],\n [9,8],\n [9,8,7],[8,7,6]);\n};\n",
@@ -523,7 +518,7 @@ int main(void) {
   RUN(test_unknown_narrow_phase_is_refused);
   RUN(test_calibration_example_equals_the_default);
   RUN(test_paper_preset_comes_first);
-  RUN(test_friction_by_either_name);
+  RUN(test_friction_over_a_preset);
   RUN(test_settings_arrive);
   RUN(test_named_calibration_is_read);
   RUN(test_solver_by_its_name);

@@ -424,16 +424,11 @@ bool gv_conf_is_text(gv_conf_node node) {
   return gv_conf_has(node) && config_setting_get_string(node.setting);
 }
 
-// Files from before the round cone call Coulomb's law by the pyramid that it was then.
-static const char *word_of_today(const char *text) {
-  return text && strcmp(text, "pyramid") == 0 ? "coulomb" : text;
-}
-
 bool gv_conf_choice(gv_conf_group *group, const char *key, const char *const *names, int *out) {
   gv_conf_node node = gv_conf_find(group, key);
   if (!gv_conf_has(node))
     return false;
-  const char *text = word_of_today(config_setting_get_string(node.setting));
+  const char *text = config_setting_get_string(node.setting);
   char list[128] = "";
   for (int i = 0; names[i]; i++) {
     if (text && strcmp(text, names[i]) == 0) {
@@ -443,6 +438,8 @@ bool gv_conf_choice(gv_conf_group *group, const char *key, const char *const *na
     size_t used = strlen(list);
     snprintf(list + used, sizeof list - used, "%s\"%s\"", i ? " or " : "", names[i]);
   }
+  if (text && strcmp(text, "pyramid") == 0)
+    return gv_conf_fail(node, "the friction pyramid is gone, friction is a round cone; write %s", list);
   return gv_conf_fail(node, "'%s' is none of its choices; write %s", key, list);
 }
 
