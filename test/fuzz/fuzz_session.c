@@ -178,6 +178,7 @@ static void operate(uint8_t operation) {
 static void start(const uint8_t *data, size_t size) {
   const gv_session_config cfg = {.limiter = gv_limiter_config_default(),
                                  .safety = gv_safety_config_default(),
+                                 .passivity = {size % 2 ? GV_PASSIVITY_ON : GV_PASSIVITY_OFF, 50.0, 2.0},
                                  .side = GV_RIGHT,
                                  .period_s = 1e-9 * (double)period_ns};
   if (world.engine)

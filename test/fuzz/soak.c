@@ -412,8 +412,10 @@ static double clock_s(void) {
 
 static void start(void) {
   gv_settings_default(&s.settings);
+  s.settings.passivity.controller = GV_PASSIVITY_ON;  // beside every promise of the limiter
   const gv_session_config cfg = {.limiter = s.settings.limiter,
                                  .safety = s.settings.safety,
+                                 .passivity = s.settings.passivity,
                                  .side = GV_RIGHT,
                                  .period_s = 1e-9 * PERIOD_NS};
   if (gv_world_load(&s.world, "data/scenes/box.scene", NULL, &s.settings.engine, err, sizeof err) ||
