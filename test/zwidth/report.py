@@ -13,8 +13,8 @@ from matplotlib.colors import ListedColormap
 from matplotlib.patches import Patch
 
 FINGERS = {"relaxed": "tab:blue", "normal": "black", "firm": "tab:red"}
-AXES = ("task", "device", "rate", "delay_ms", "quantum", "filter_hz", "finger")
-USUAL = {"task": "press", "device": "best", "rate": "1000", "delay_ms": "0", "quantum": "0", "filter_hz": "30", "finger": "normal"}
+AXES = ("task", "device", "rate", "delay_ms", "quantum", "filter_hz", "passivity", "finger")
+USUAL = {"task": "press", "device": "best", "rate": "1000", "delay_ms": "0", "quantum": "0", "filter_hz": "30", "passivity": "off", "finger": "normal"}
 COLORS = ("#d5ecd4", "#ffe9a8", "#f0a39a", "#cccccc")
 CLASS = {"stable": 0, "noisy": 1, "oscillates": 2}
 LEVELS = ("quiet: force std below 0.05 N", "noisy: above", "oscillates: above a fifth of the force", "no answer (limit of force, dropped)")
@@ -104,12 +104,13 @@ def draw_map(runs):
 
 # ---- the lines ----------------------------------------------------------------------------------------------------
 def draw_lines(runs):
-    fig, axes = plt.subplots(2, 3, figsize=(14, 8), sharey=True)
-    for j, (axis, label) in enumerate((("delay_ms", "delay of the wire, both ways together, ms"), ("rate", "rate of loop and glove, Hz"),
-                                       ("quantum", "quantum of the sensors, rad (0: 12 bits)"))):
+    fig, axes = plt.subplots(2, 4, figsize=(17, 8), sharey=True)
+    delay = "delay of the wire, both ways together, ms"
+    for j, (given, axis, label) in enumerate((("delay_ms", "delay_ms", delay), ("passivity", "delay_ms", delay), ("rate", "rate", "rate of loop and glove, Hz"),
+                                              ("quantum", "quantum", "quantum of the sensors, rad (0: 12 bits)"))):
         for i, hz in enumerate(("30", "0")):
             ax = axes[i][j]
-            mine = [(w, rows) for w, rows in runs if w["filter_hz"] == hz and w["given"] == axis]
+            mine = [(w, rows) for w, rows in runs if w["filter_hz"] == hz and w["given"] == given]
             at = sorted({float(w[axis]) for w, _ in mine})
             for finger, color in FINGERS.items():
                 of = {float(w[axis]): rows for w, rows in mine if w["finger"] == finger}
@@ -120,7 +121,7 @@ def draw_lines(runs):
             ax.set_yscale("log")
             ax.set_ylim(70, 1.3e5)
             ax.grid(alpha=0.3)
-            ax.set_title(f"sample filter {'on' if hz != '0' else 'off'}")
+            ax.set_title(f"filter {'on' if hz != '0' else 'off'}, passivity controller {'on' if given == 'passivity' else 'off'}", fontsize=10)
             ax.set_xlabel(label)
     for ax in axes[:, 0]:
         ax.set_ylabel("largest stiffness of the coupling, N/m")

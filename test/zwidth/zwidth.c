@@ -13,6 +13,7 @@
 //     device=best|real   (best)
 //     finger=relaxed|normal|firm      (normal)
 //     filter_hz=HZ, filter_rest_hz=HZ, prediction_s=S   of the engine's sample filter
+//     passivity=on|off   the controller (off)
 //     config=FILE        any other setting
 //     task=press|power, seed=N
 //     quantum=RAD        of every joint's sensor
@@ -94,6 +95,7 @@ static gv_engine *start(const setup *s, double k_n_m, double d_n_s_m) {
   gv_engine *engine = gv_engine_init(engine_memory, sizeof engine_memory, cfg, &scene);
   const gv_session_config session_cfg = {.limiter = settings.limiter,
                                          .safety = settings.safety,
+                                         .passivity = settings.passivity,
                                          .side = cfg->hand.side,
                                          .period_s = cfg->step_s};
   if (!engine)
@@ -250,7 +252,9 @@ static int set(setup *s, const char *name, const char *value) {
     return read_list(value, &s->d_n_s_m) ? fail("d wants numbers joined by commas, not ", value) : 0;
   if (strcmp(name, "task") == 0)
     return set_task(s, value);
-  if (strcmp(name, "seed") == 0)
+  if (strcmp(name, "passivity") == 0)
+    settings.passivity.controller = strcmp(value, "on") == 0 ? GV_PASSIVITY_ON : GV_PASSIVITY_OFF;
+  else if (strcmp(name, "seed") == 0)
     s->seed = strtoull(value, NULL, 10);
   else if (strcmp(name, "upto") == 0)
     s->upto = value[0] == '1';
