@@ -4,21 +4,11 @@
 // own rule is judged, and the hash of every end state (assembly.golden; `test_assembly --update` writes it
 // anew). `test_assembly SCENE SCRIPT [MS]` shows how it goes.
 #include <inttypes.h>
-#include <string.h>
 
-#include "daemon/load/config_load.h"
-#include "daemon/load/scene_load.h"
-#include "daemon/loop/session.h"
-#include "gloved/sim.h"
 #include "support/check.h"
+#include "support/user_run.h"
 
-enum { MEMORY = 48 << 20 };
-static _Alignas(64) unsigned char scene_memory[MEMORY], engine_memory[MEMORY];
-static gv_sim sim;
-static gv_sim_script script;
-static gv_session session;
-static gv_scene scene;
-static gv_engine *engine;
+static user_run run;
 static bool show;
 
 static const char *const golden_file = "test/replay/assembly.golden";
@@ -29,100 +19,67 @@ static gv_solver solver;
 // ---- a run ----------------------------------------------------------------------------------------
 
 static int object(const char *name) {
-  for (int i = 0; i < scene.object_count; i++)
-    if (strcmp(scene.object[i].name, name) == 0)
+  for (int i = 0; i < run.scene.object_count; i++)
+    if (strcmp(run.scene.object[i].name, name) == 0)
       return i;
   abort();
 }
 
-static gv_pose pose(const char *name) { return gv_engine_object_pose(engine, object(name)); }
+static gv_pose pose(const char *name) { return gv_engine_object_pose(run.engine, object(name)); }
 
 static void start(const char *scene_name, const char *script_name) {
-  char path[256], err[512] = "";
-  gv_arena arena;
-  gv_settings settings;
-  gv_settings_default(&settings);
-  settings.engine.solver = solver;
-  gv_arena_init(&arena, scene_memory, sizeof scene_memory);
-  snprintf(path, sizeof path, "data/scenes/%s.scene", scene_name);
-  bool good = gv_scene_load(path, &arena, &scene, err, sizeof err) == 0;
-  snprintf(path, sizeof path, "data/scripts/%s.user", script_name);
-  good = good && gv_sim_script_load(path, &script, err, sizeof err) == 0;
-  engine = good ? gv_engine_init(engine_memory, sizeof engine_memory, &settings.engine, &scene) : NULL;
-  if (!engine) {
-    printf("# %s\n", err);
+  char scene[256], script[256];
+  snprintf(scene, sizeof scene, "data/scenes/%s.scene", scene_name);
+  snprintf(script, sizeof script, "data/scripts/%s.user", script_name);
+  if (!user_load(&run, scene, script))
     abort();
-  }
-  const gv_session_config cfg = {.limiter = settings.limiter,
-                                 .safety = settings.safety,
-                                 .side = settings.engine.hand.side,
-                                 .period_s = settings.engine.step_s};
-  gv_session_init(&session, &cfg, engine);
-  gv_sim_init(&sim, &script, NULL, 1);
-  gv_sim_start(&sim);
+  run.settings.engine.solver = solver;
+  user_start(&run);
 }
 
 static double deepest(void) {
   int count;
   double deep = 0;
-  const gv_contact *c = gv_engine_contacts(engine, &count);
+  const gv_contact *c = gv_engine_contacts(run.engine, &count);
   for (int i = 0; i < count; i++)
     deep = fmax(deep, c[i].depth_m);
   return deep;
 }
 
-// What the limbs are pulled by, in all: the force on the hand, N.
-static gv_vec3 hand_force(void) {
-  gv_vec3 sum = gv_v3(0, 0, 0);
-  for (int i = 0; i < GV_LIMBS; i++) {
-    gv_vec3 f, t;
-    gv_engine_coupling(engine, i, &f, &t);
-    sum = gv_add(sum, f);
-  }
-  return sum;
-}
-
 static void show_state(int ms) {
   int count;
-  gv_engine_contacts(engine, &count);
+  gv_engine_contacts(run.engine, &count);
   printf(
       "# %5d ms  %2d contacts  force %5.2f %5.2f %5.2f %5.2f %5.2f N  depth %.3f mm  hand %.2f %.2f %.2f N",
-      ms, count, session.force_n[0], session.force_n[1], session.force_n[2], session.force_n[3],
-      session.force_n[4], 1e3 * deepest(), hand_force().x, hand_force().y, hand_force().z);
-  for (int i = 0; i < scene.joint_count; i++)
-    printf("  %s %.4f", scene.joint[i].name, gv_engine_joint(engine, i).position);
-  for (int i = 0; i < scene.object_count; i++) {
-    const gv_vec3 p = gv_engine_object_pose(engine, i).p;
-    const gv_vec3 r = gv_quat_log(gv_engine_object_pose(engine, i).q);
-    if (!scene.object[i].is_static)
-      printf("  %s %.5f %.5f %.5f (%.4f %.4f %.4f)", scene.object[i].name, p.x, p.y, p.z, r.x, r.y, r.z);
+      ms, count, run.session.force_n[0], run.session.force_n[1], run.session.force_n[2], run.session.force_n[3],
+      run.session.force_n[4], 1e3 * deepest(), user_carries(&run).x, user_carries(&run).y, user_carries(&run).z);
+  for (int i = 0; i < run.scene.joint_count; i++)
+    printf("  %s %.4f", run.scene.joint[i].name, gv_engine_joint(run.engine, i).position);
+  for (int i = 0; i < run.scene.object_count; i++) {
+    const gv_vec3 p = gv_engine_object_pose(run.engine, i).p;
+    const gv_vec3 r = gv_quat_log(gv_engine_object_pose(run.engine, i).q);
+    if (!run.scene.object[i].is_static)
+      printf("  %s %.5f %.5f %.5f (%.4f %.4f %.4f)", run.scene.object[i].name, p.x, p.y, p.z, r.x, r.y, r.z);
   }
   printf("\n");
 }
 
-static int time_ms;
 static double depth_m, force_n;  // the most so far
 
 static void run_to(int ms) {
-  static gv_frame frame[256];
-  gv_frame command;
-  for (; time_ms < ms; time_ms++) {
-    const int64_t now = time_ms * 1000000LL;
-    const int count = gv_sim_advance(&sim, now, frame, 256);
-    gv_session_step(&session, now, frame, count, 0, &command);
-    gv_sim_receive(&sim, &command);
+  while (run.time_ms < ms) {
+    user_step(&run);
     depth_m = fmax(depth_m, deepest());
     for (int i = 0; i < GV_FINGERS; i++)
-      force_n = fmax(force_n, session.force_n[i]);
-    if (show && time_ms % 100 == 0)
-      show_state(time_ms);
+      force_n = fmax(force_n, run.session.force_n[i]);
+    if (show && (run.time_ms - 1) % 100 == 0)
+      show_state(run.time_ms - 1);
   }
 }
 
-static void finish(void) { gv_engine_close(engine); }
+static void finish(void) { user_finish(&run); }
 
 static void begin(const char *scene_name, const char *script_name) {
-  time_ms = 0;
   depth_m = force_n = 0;
   start(scene_name, script_name);
 }
@@ -152,7 +109,7 @@ static void write_golden(void) {
 
 static void check_golden(const char *name) {
   char line[64];
-  snprintf(line, sizeof line, "%s %s %016" PRIx64, name, gv_solver_name(solver), gv_engine_hash(engine));
+  snprintf(line, sizeof line, "%s %s %016" PRIx64, name, gv_solver_name(solver), gv_engine_hash(run.engine));
   const size_t key = strlen(line) - 16;
   for (int i = 0; i < golden_count; i++) {
     if (strncmp(golden[i], line, key) != 0)
@@ -173,7 +130,7 @@ static void check_golden(const char *name) {
 static double hand_moment(gv_vec3 hinge) {
   int count;
   double sum = 0;
-  const gv_contact *c = gv_engine_contacts(engine, &count);
+  const gv_contact *c = gv_engine_contacts(run.engine, &count);
   for (int i = 0; i < count; i++)
     if (c[i].limb >= 0)
       sum += gv_cross(gv_sub(c[i].position_world, hinge), gv_neg(c[i].force_world)).y;
@@ -185,15 +142,15 @@ static double hand_moment(gv_vec3 hinge) {
 static void press_the_lever(void) {
   begin("lever", "press_lever");
   run_to(3400);
-  const double angle = gv_engine_joint(engine, 0).position;
+  const double angle = gv_engine_joint(run.engine, 0).position;
   const double by_spring = 2.0 * (5 * GV_PI / 180 - angle);
   const double by_weight = -0.1 * 9.81 * 0.1 * cos(angle);
   const double left = by_spring + by_weight + hand_moment(gv_v3(0.12, 0, 0.11));
   CHECK(angle < -0.05, "the lever is at %g rad", angle);
   CHECK(fabs(left) < 0.0051, "moments do not balance by %g N m", left);
-  CHECK(session.force_n[2] > 0.5, "the middle finger feels %g N", session.force_n[2]);
+  CHECK(run.session.force_n[2] > 0.5, "the middle finger feels %g N", run.session.force_n[2]);
   run_to(6000);
-  CHECK_NEAR(gv_engine_joint(engine, 0).position, 2 * GV_PI / 180, 1e-3);
+  CHECK_NEAR(gv_engine_joint(run.engine, 0).position, 2 * GV_PI / 180, 1e-3);
   CHECK(depth_m < 5e-5, "sinks in by %g mm", depth_m * 1e3);
   check_golden("lever");
   finish();
@@ -203,16 +160,16 @@ static void press_the_lever(void) {
 static void pull_the_drawer(void) {
   begin("drawer", "pull_drawer");
   run_to(5000);
-  CHECK(gv_engine_joint(engine, 0).position > 0.08, "pulled out by %g m",
-        gv_engine_joint(engine, 0).position);
+  CHECK(gv_engine_joint(run.engine, 0).position > 0.08, "pulled out by %g m",
+        gv_engine_joint(run.engine, 0).position);
   run_to(6900);
-  const double felt = hand_force().x;
+  const double felt = user_carries(&run).x;
   CHECK(fabs(felt) < 0.41, "the hand holds %g N, the rails' friction is 0.4", felt);
   run_to(8000);
   const gv_pose T = pose("drawer");
   const double weld_m = solver == GV_SOLVER_QUICKSTEP ? 5e-3 : 1e-5;  // it iterates too little
-  CHECK(gv_engine_joint(engine, 0).position < 0.065, "pushed in to %g m",
-        gv_engine_joint(engine, 0).position);
+  CHECK(gv_engine_joint(run.engine, 0).position < 0.065, "pushed in to %g m",
+        gv_engine_joint(run.engine, 0).position);
   CHECK(fabs(T.p.y) < 1e-6 && fabs(T.p.z - 0.12) < 1e-6, "off its rails by %g, %g m", T.p.y, T.p.z - 0.12);
   CHECK(gv_norm(gv_sub(pose("bar").p, gv_add(T.p, gv_v3(-0.15, 0, 0)))) < weld_m, "%s: the weld gives %g m",
         gv_solver_name(solver), gv_norm(gv_sub(pose("bar").p, gv_add(T.p, gv_v3(-0.15, 0, 0)))));
@@ -223,12 +180,12 @@ static void pull_the_drawer(void) {
 static void open_the_lid(void) {
   begin("lid", "open_lid");
   run_to(4400);
-  const double open = gv_engine_joint(engine, 0).position;
+  const double open = gv_engine_joint(run.engine, 0).position;
   const double left = 0.08 * 9.81 * 0.085 * cos(open) - hand_moment(gv_v3(0.12, 0, 0.085));
   CHECK(open > 0.5, "open by %g rad", open);
   CHECK(fabs(left) < 0.0101, "moments do not balance by %g N m", left);
   run_to(8000);
-  CHECK_NEAR(gv_engine_joint(engine, 0).position, 0, 1e-4);
+  CHECK_NEAR(gv_engine_joint(run.engine, 0).position, 0, 1e-4);
   CHECK(depth_m < 5e-5, "sinks in by %g mm", depth_m * 1e3);
   check_golden("lid");
   finish();
@@ -256,7 +213,7 @@ static void take_the_top(void) {
 static double walls_carry(void) {
   int count;
   double sum = 0;
-  const gv_contact *c = gv_engine_contacts(engine, &count);
+  const gv_contact *c = gv_engine_contacts(run.engine, &count);
   for (int i = 0; i < count; i++) {
     if (c[i].limb >= 0)
       continue;
@@ -271,9 +228,9 @@ static double walls_carry(void) {
 static void check_weight(int ms) {
   run_to(ms);
   const double weight = 0.2 * 9.81;
-  const double carried = hand_force().z + walls_carry();
+  const double carried = user_carries(&run).z + walls_carry();
   printf("# peg, %s, %d ms: the hand carries %.3f N, the walls %.3f N, weight %.3f N\n",
-         gv_solver_name(solver), ms, hand_force().z, walls_carry(), weight);
+         gv_solver_name(solver), ms, user_carries(&run).z, walls_carry(), weight);
   CHECK(fabs(carried - weight) < 0.02 * weight, "%s: %g N carried at %d ms, weight %g",
         gv_solver_name(solver), carried, ms, weight);
 }
@@ -306,8 +263,8 @@ static void jam_the_peg(void) {
   begin("peg", "peg_in_hole");
   const gv_quat turn = gv_quat_axis_angle(gv_v3(0, 0, 1), 3 * GV_PI / 180);
   const gv_vec3 middle = gv_v3(0, 0.15, 0);
-  for (int i = 0; i < sim.script.keyframe_count; i++) {
-    gv_sim_keyframe *k = &sim.script.keyframe[i];
+  for (int i = 0; i < run.sim.script.keyframe_count; i++) {
+    gv_sim_keyframe *k = &run.sim.script.keyframe[i];
     if (k->time_s < 6.3)
       continue;
     k->T_world_wrist.p = gv_add(middle, gv_rotate(turn, gv_sub(k->T_world_wrist.p, middle)));
@@ -356,7 +313,7 @@ static double lower_guided_peg(double turn_rad) {
   begin("peg", "peg_in_hole");
   finish();
   const int peg = object("peg");
-  memcpy(object_of, scene.object, sizeof *object_of * (size_t)scene.object_count);
+  memcpy(object_of, run.scene.object, sizeof *object_of * (size_t)run.scene.object_count);
   const gv_pose T = {gv_quat_axis_angle(gv_v3(0, 0, 1), turn_rad), gv_v3(0, 0.15, 0.1)};
   const gv_pose T_world_joint = {gv_quat_axis_angle(gv_v3(0, 1, 0), -GV_PI / 2), T.p};
   object_of[peg].T_world_body = T;
@@ -366,16 +323,15 @@ static double lower_guided_peg(double turn_rad) {
                     .T_a_joint = gv_pose_mul(gv_pose_inv(T), T_world_joint),
                     .T_b_joint = T_world_joint,
                     .friction = 1.9};
-  scene.object = object_of;
-  scene.joint = &rail;
-  scene.joint_count = 1;
-  gv_config cfg = gv_config_default();
-  cfg.solver = solver;
-  engine = gv_engine_init(engine_memory, sizeof engine_memory, &cfg, &scene);
+  run.scene.object = object_of;
+  run.scene.joint = &rail;
+  run.scene.joint_count = 1;
+  run.settings.engine.solver = solver;
+  user_start(&run);
   static const gv_sample nothing;
   gv_step_result result;
   for (int i = 0; i < 2000; i++) {
-    gv_engine_step(engine, &nothing, &result);
+    gv_engine_step(run.engine, &nothing, &result);
     depth_m = fmax(depth_m, deepest());
   }
   const double z = pose("peg").p.z;

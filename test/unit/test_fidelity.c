@@ -1,85 +1,41 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // What the hand feels against what it should feel, in closed formulas: the weight of what it lifts, the
 // angle at which friction lets go, the inertia of what it shakes.
-#include "daemon/load/config_load.h"
-#include "daemon/load/scene_load.h"
-#include "daemon/loop/session.h"
-#include "gloved/sim.h"
 #include "support/check.h"
 #include "support/lab.h"
+#include "support/user_run.h"
 
 #define G 9.81
 
 // ---- the power grasp, with another mass in it -----------------------------------------------------
 
-static gv_sim sim;
-static gv_sim_script script;
-static gv_session session;
-static gv_engine *engine;
-static gv_scene scene;
+static user_run run;
 static gv_object object[2];
-static int time_ms;
 
 // The box of data/scenes/box.scene with a mass of its own, grasped and lifted as power_box.user does.
 static void grasp(double mass_kg) {
-  char err[512] = "";
-  gv_arena arena;
-  gv_settings settings;
-  gv_settings_default(&settings);
+  if (!user_load(&run, "data/scenes/box.scene", "data/scripts/power_box.user"))
+    abort();
   if (mass_kg > 0.5)
-    settings.engine.limb.k_f *= 4;  // a firmer hand
-  gv_arena_init(&arena, lab_scene_memory, sizeof lab_scene_memory);
-  const int loaded = gv_scene_load("data/scenes/box.scene", &arena, &scene, err, sizeof err);
-  CHECK(loaded == 0 && gv_sim_script_load("data/scripts/power_box.user", &script, err, sizeof err) == 0, "%s",
-        err);
+    run.settings.engine.limb.k_f *= 4;  // a firmer hand
   for (int i = 0; i < 2; i++)
-    object[i] = scene.object[i];
+    object[i] = run.scene.object[i];
   for (int k = 0; k < 9; k++)
     object[1].inertia_kg_m2.m[k / 3][k % 3] *= mass_kg / object[1].mass_kg;
   object[1].mass_kg = mass_kg;
   object[1].mu = 1.2;
-  scene.object = object;
-  engine = gv_engine_init(lab_engine_memory, sizeof lab_engine_memory, &settings.engine, &scene);
-  if (!engine)
-    abort();
-  const gv_session_config cfg = {.limiter = settings.limiter,
-                                 .safety = settings.safety,
-                                 .side = settings.engine.hand.side,
-                                 .period_s = settings.engine.step_s};
-  gv_session_init(&session, &cfg, engine);
-  gv_sim_init(&sim, &script, NULL, 1);
-  gv_sim_start(&sim);
-  time_ms = 0;
-}
-
-static void step(void) {
-  static gv_frame frame[256];
-  gv_frame command;
-  const int64_t now = time_ms++ * 1000000LL;
-  const int count = gv_sim_advance(&sim, now, frame, 256);
-  gv_session_step(&session, now, frame, count, 0, &command);
-  gv_sim_receive(&sim, &command);
-}
-
-// The force that the couplings put on all limbs: what the person carries, N.
-static gv_vec3 carried(void) {
-  gv_vec3 sum = gv_v3(0, 0, 0);
-  for (int i = 0; i < GV_LIMBS; i++) {
-    gv_vec3 f, t;
-    gv_engine_coupling(engine, i, &f, &t);
-    sum = gv_add(sum, f);
-  }
-  return sum;
+  run.scene.object = object;
+  user_start(&run);
 }
 
 // Momentum of the limbs and the object, N s.
 static gv_vec3 momentum(double mass_kg) {
-  const gv_config *cfg = gv_engine_config(engine);
+  const gv_config *cfg = gv_engine_config(run.engine);
   gv_vec3 v, w;
-  gv_engine_object_velocity(engine, 1, &v, &w);
+  gv_engine_object_velocity(run.engine, 1, &v, &w);
   gv_vec3 sum = gv_scale(v, mass_kg);
   for (int i = 0; i < GV_LIMBS; i++) {
-    gv_engine_limb_velocity(engine, i, &v, &w);
+    gv_engine_limb_velocity(run.engine, i, &v, &w);
     sum = gv_mad(sum, i == GV_LIMB_PALM ? cfg->palm_mass_kg : cfg->limb_mass_kg, v);
   }
   return sum;
@@ -89,15 +45,15 @@ static void test_the_hand_carries_the_weight_that_it_lifts(void) {
   static const double mass_kg[] = {0.1, 0.2, 0.3, 0.5, 0.75, 1.0};
   for (int i = 0; i < 6; i++) {
     grasp(mass_kg[i]);
-    while (time_ms < 7000)
-      step();
-    const gv_vec3 f = carried();
+    while (run.time_ms < 7000)
+      user_step(&run);
+    const gv_vec3 f = user_carries(&run);
     printf("# %.2f kg: %.4f N of %.4f N, %.4f N sideways\n", mass_kg[i], f.z, mass_kg[i] * G,
            hypot(f.x, f.y));
-    CHECK(gv_engine_object_pose(engine, 1).p.z > 0.1, "%g kg is not lifted", mass_kg[i]);
+    CHECK(gv_engine_object_pose(run.engine, 1).p.z > 0.1, "%g kg is not lifted", mass_kg[i]);
     CHECK(fabs(f.z - mass_kg[i] * G) < 0.02 * mass_kg[i] * G, "%g kg weigh %g N", mass_kg[i], f.z);
     CHECK(hypot(f.x, f.y) < 0.02 * mass_kg[i] * G, "%g N sideways", hypot(f.x, f.y));
-    gv_engine_close(engine);
+    user_finish(&run);
   }
 }
 
@@ -108,18 +64,18 @@ static void test_what_is_shaken_has_its_inertia(void) {
   for (int i = 0; i < 5; i++) {
     const double mass_kg = 0.2;
     grasp(mass_kg);
-    while (time_ms < 5500)
-      step();
+    while (run.time_ms < 5500)
+      user_step(&run);
     double worst = 0;
     double most = 0;
     gv_vec3 last = momentum(mass_kg);
     for (int k = 0; k < 2000; k++) {
       // The user's hand, whatever the script says.
-      for (int key = 0; key < sim.script.keyframe_count; key++)
-        sim.script.keyframe[key].T_world_wrist.p.z = 0.195 + 0.01 * sin(2 * GV_PI * hz[i] * 1e-3 * k);
-      step();
+      for (int key = 0; key < run.sim.script.keyframe_count; key++)
+        run.sim.script.keyframe[key].T_world_wrist.p.z = 0.195 + 0.01 * sin(2 * GV_PI * hz[i] * 1e-3 * k);
+      user_step(&run);
       const gv_vec3 now = momentum(mass_kg);
-      const double felt = carried().z;
+      const double felt = user_carries(&run).z;
       const double moved = (now.z - last.z) / 1e-3 + mass_kg * G;
       last = now;
       if (k < 500)
@@ -129,7 +85,7 @@ static void test_what_is_shaken_has_its_inertia(void) {
     }
     printf("# %g Hz: felt and moved differ by %.4f N of at most %.3f N\n", hz[i], worst, most);
     CHECK(worst < 0.02 * most, "off by %g of %g N", worst, most);
-    gv_engine_close(engine);
+    user_finish(&run);
   }
 }
 
