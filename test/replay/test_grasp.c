@@ -6,21 +6,15 @@
 #include <string.h>
 #include <unistd.h>
 
-#include "daemon/load/config_load.h"
-#include "daemon/load/scene_load.h"
-#include "daemon/loop/session.h"
 #include "dynamics/choice.h"
 #include "support/bones.h"
 #include "support/check.h"
 #include "support/contact_laws.h"
 #include "support/shapes.h"
-#include "gloved/sim.h"
+#include "support/user_run.h"
 
-enum { MEMORY = 48 << 20, HELD_FROM = 5500, STEPS = 9000 };  // ms: lifted at 4.6 s, then held
-static _Alignas(64) unsigned char scene_memory[MEMORY], engine_memory[MEMORY];
-static gv_sim sim;
-static gv_sim_script script;
-static gv_session session;
+enum { HELD_FROM = 5500, STEPS = 9000 };  // ms: lifted at 4.6 s, then held
+static user_run run;
 
 typedef struct measures {
   double lift_m, slip_m, tilt_rad, depth_m, force_max_n, apart_m;  // the first four while held
@@ -66,38 +60,17 @@ static void check_laws(const char *scene) {
   CHECK(w->momentum_n_s < (joined ? 1e-9 : 1e-10), "%s: %g N s from nowhere", scene, w->momentum_n_s);
 }
 
-static gv_engine *start(const shape_grasp *g, gv_scene *scene) {
-  char path[256], err[512] = "";
-  gv_arena arena;
-  gv_settings settings;
-  gv_settings_default(&settings);
-  settings.engine.finger_joints = joined;
-  gv_arena_init(&arena, scene_memory, sizeof scene_memory);
-  snprintf(path, sizeof path, "build/scenes/%s.scene", g->scene);
-  bool good = gv_scene_load(path, &arena, scene, err, sizeof err) == 0;
-  snprintf(path, sizeof path, "data/scripts/%s.user", g->script);
-  good = good && gv_sim_script_load(path, &script, err, sizeof err) == 0;
-  gv_engine *engine = good ? gv_engine_init(engine_memory, sizeof engine_memory, &settings.engine, scene)
-                           : NULL;
-  CHECK(engine != NULL, "%s: %s", g->scene, err);
-  if (!engine)
-    return NULL;
-  const gv_session_config cfg = {.limiter = settings.limiter,
-                                 .safety = settings.safety,
-                                 .side = settings.engine.hand.side,
-                                 .period_s = settings.engine.step_s};
-  gv_session_init(&session, &cfg, engine);
-  gv_sim_init(&sim, &script, NULL, 1);
-  gv_sim_start(&sim);
-  return engine;
-}
-
-static void step(int ms) {
-  static gv_frame frame[256];
-  gv_frame command;
-  int count = gv_sim_advance(&sim, ms * 1000000LL, frame, 256);
-  gv_session_step(&session, ms * 1000000LL, frame, count, 0, &command);
-  gv_sim_receive(&sim, &command);
+static bool start(const shape_grasp *g) {
+  char scene[256], script[256];
+  snprintf(scene, sizeof scene, "build/scenes/%s.scene", g->scene);
+  snprintf(script, sizeof script, "data/scripts/%s.user", g->script);
+  const bool good = user_load(&run, scene, script);
+  CHECK(good, "%s does not load", g->scene);
+  if (!good)
+    return false;
+  run.settings.engine.finger_joints = joined;
+  user_start(&run);
+  return true;
 }
 
 static void watch(const gv_engine *engine, double start_z, gv_pose held_at, measures *m) {
@@ -116,19 +89,19 @@ static void watch(const gv_engine *engine, double start_z, gv_pose held_at, meas
 static const shape_grasp *current;
 static void test_grasp(void) {
   const shape_grasp *g = current;
-  gv_scene scene;
   measures m = {.lift_m = 1e9};
   gv_pose held_at = gv_pose_identity();
   worst = (contact_laws){0};
   steps = by_others = softened = 0;
-  gv_engine *engine = start(g, &scene);
-  if (!engine)
+  if (!start(g))
     return;
+  const gv_engine *engine = run.engine;
+  const gv_scene *scene = &run.scene;
   double start_z = gv_engine_object_pose(engine, 1).p.z;
   for (int ms = 0; ms < STEPS; ms++) {
-    step(ms);
+    user_step(&run);
     for (int i = 0; i < GV_FINGERS; i++)
-      m.force_max_n = fmax(m.force_max_n, session.force_n[i]);
+      m.force_max_n = fmax(m.force_max_n, run.session.force_n[i]);
     m.apart_m = fmax(m.apart_m, bones_apart(engine));
     if (ms == HELD_FROM)
       held_at = gv_pose_mul(gv_pose_inv(gv_engine_limb_pose(engine, GV_LIMB_PALM)),
@@ -138,19 +111,20 @@ static void test_grasp(void) {
   }
   printf("  %-12s %5d triangles %3d pieces%s: lifted %.0f mm, slip %.3f mm, tilt %.3f deg, depth %.3f mm, "
          "force at most %.1f N, bones apart by %.2f mm\n",
-         g->scene, scene.object[1].triangle_count, scene.object[1].piece_count,
+         g->scene, scene->object[1].triangle_count, scene->object[1].piece_count,
          joined ? ", finger_joints" : "", m.lift_m * 1e3,
          m.slip_m * 1e3, m.tilt_rad * 180 / GV_PI, m.depth_m * 1e3, m.force_max_n, m.apart_m * 1e3);
-  CHECK(scene.object[1].piece_count >= g->min_pieces, "%s: %d pieces", g->scene, scene.object[1].piece_count);
-  CHECK(!g->triangles || scene.object[1].triangle_count == g->triangles, "%s: %d triangles", g->scene,
-        scene.object[1].triangle_count);
+  CHECK(scene->object[1].piece_count >= g->min_pieces, "%s: %d pieces", g->scene,
+        scene->object[1].piece_count);
+  CHECK(!g->triangles || scene->object[1].triangle_count == g->triangles, "%s: %d triangles", g->scene,
+        scene->object[1].triangle_count);
   CHECK(m.lift_m > 0.1, "%s: lifted by %g m", g->scene, m.lift_m);
   CHECK(m.slip_m < 1e-3, "%s: slips %g mm in 3.5 s", g->scene, m.slip_m * 1e3);
   CHECK(m.depth_m < 1e-3, "%s: sinks in by %g mm", g->scene, m.depth_m * 1e3);
   CHECK(m.force_max_n > 0.2, "%s: the person feels %g N", g->scene, m.force_max_n);
   CHECK(m.apart_m < 1e-3 || !joined, "%s: bones apart by %g mm", g->scene, m.apart_m * 1e3);
   check_laws(g->scene);
-  gv_engine_close(engine);
+  user_finish(&run);
 }
 
 static void test_grasp_with_finger_joints(void) {

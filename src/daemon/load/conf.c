@@ -17,6 +17,8 @@
 #include <string.h>
 #include <sys/stat.h>
 
+#include "gloved/limits.h"
+
 // ---- errors ---------------------------------------------------------------------------------------
 
 static bool fail_line(gv_conf *conf, unsigned line, const char *format, va_list args) {
@@ -422,6 +424,25 @@ const char *gv_conf_long_text(gv_conf_group *group, const char *key) {
 
 bool gv_conf_is_text(gv_conf_node node) {
   return gv_conf_has(node) && config_setting_get_string(node.setting);
+}
+
+int gv_conf_find_name(const gv_conf_names *names, const char *name, int none) {
+  for (int i = names->from; i < names->count; i++)
+    if (strcmp((const char *)names->entries + (size_t)i * names->size, name) == 0)
+      return i;
+  return none;
+}
+
+int gv_conf_reference(gv_conf_group *group, const char *key, const gv_conf_names *names, int none) {
+  char name[GV_MAX_NAME] = "";
+  gv_conf_node node = gv_conf_find(group, key);
+  gv_conf_text(group, key, name, sizeof name);
+  if (!gv_conf_has(node))
+    return none;
+  const int found = gv_conf_find_name(names, name, none);
+  if (found == none)
+    gv_conf_fail(node, "no %s is named \"%s\"; %s", names->what, name, names->mend);
+  return found;
 }
 
 bool gv_conf_choice(gv_conf_group *group, const char *key, const char *const *names, int *out) {

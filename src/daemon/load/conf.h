@@ -63,6 +63,17 @@ bool gv_conf_integer(gv_conf_group *group, const char *key, int min, int max, in
 bool gv_conf_bool(gv_conf_group *group, const char *key, bool *out);
 // Text of at most size - 1 bytes, no control characters.
 bool gv_conf_text(gv_conf_group *group, const char *key, char *out, size_t size);
+// The name of something that the file lists elsewhere. entries: structures whose first member is their name.
+typedef struct gv_conf_names {
+  const void *entries;
+  size_t size;  // of one
+  int from, count;
+  const char *what, *mend;  // "no WHAT is named ...; MEND"
+} gv_conf_names;
+// Its number; `none` where there is none.
+int gv_conf_find_name(const gv_conf_names *names, const char *name, int none);
+// Of the name at `key`; `none` where the key is absent, or the file was refused.
+int gv_conf_reference(gv_conf_group *group, const char *key, const gv_conf_names *names, int none);
 // Text of any length, as it is; null where there is none. Valid until gv_conf_close.
 const char *gv_conf_long_text(gv_conf_group *group, const char *key);
 // Is it there, and text in quotes?

@@ -4,8 +4,6 @@
 // thread, before the loop starts.
 #include "daemon/load/scene_friction.h"
 
-#include <string.h>
-
 #define DEFAULT_MU 0.8
 #define MAX_COEFFICIENT 10.0
 #define MAX_LIMIT_N 1000.0
@@ -22,30 +20,24 @@ static void read_law(gv_conf_group *group, gv_friction *out_friction, double *ou
   gv_conf_number(group, "mu", 0, fixed ? MAX_LIMIT_N : MAX_COEFFICIENT, out_mu);
 }
 
-static int find_material(const gv_materials *m, const char *name) {
-  for (int i = GV_MATERIAL_HAND; i < m->count; i++)
-    if (strcmp(m->material[i].name, name) == 0)
-      return i;
-  return GV_MATERIAL_NONE;
+static gv_conf_names names_of(const gv_materials *m) {
+  return (gv_conf_names){.entries = m->material,
+                         .size = sizeof *m->material,
+                         .from = GV_MATERIAL_HAND,
+                         .count = m->count,
+                         .what = "material",
+                         .mend = "list it in 'materials' (\"hand\" is the hand's skin)"};
 }
 
-// The number of the material named at `key`; GV_MATERIAL_NONE where the file was refused.
 static int read_reference(const gv_materials *m, gv_conf_group *group, const char *key) {
-  char name[GV_MAX_NAME] = "";
-  gv_conf_node node = gv_conf_find(group, key);
-  gv_conf_text(group, key, name, sizeof name);
-  if (!gv_conf_has(node))
-    return GV_MATERIAL_NONE;
-  int found = find_material(m, name);
-  if (found == GV_MATERIAL_NONE)
-    gv_conf_fail(node, "no material is named \"%s\"; list it in 'materials' (\"hand\" is the hand's skin)",
-                 name);
-  return found;
+  const gv_conf_names names = names_of(m);
+  return gv_conf_reference(group, key, &names, GV_MATERIAL_NONE);
 }
 
 static void read_material(gv_materials *m, gv_conf_node node) {
   gv_conf_group group = gv_conf_as_group(node, "a material");
   gv_material fresh = {.name = ""};
+  const gv_conf_names names = names_of(m);
   gv_conf_node name = gv_conf_need(&group, "name", "name = \"...\";");
   gv_conf_text(&group, "name", fresh.name, sizeof fresh.name);
   read_law(&group, &fresh.friction, &fresh.mu);
@@ -54,7 +46,7 @@ static void read_material(gv_materials *m, gv_conf_node node) {
     return;
   if (!fresh.name[0])
     gv_conf_fail(name, "the name is empty; name the material");
-  else if (find_material(m, fresh.name))
+  else if (gv_conf_find_name(&names, fresh.name, GV_MATERIAL_NONE))
     gv_conf_fail(name, "two materials are named \"%s\"; rename one", fresh.name);
   else
     m->material[m->count++] = fresh;

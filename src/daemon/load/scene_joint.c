@@ -14,24 +14,13 @@
 
 gv_conf_node gv_joints_find(gv_conf_group *root) { return gv_conf_find(root, "joints"); }
 
-static int find_object(const gv_scene *scene, const char *name) {
-  for (int i = 0; i < scene->object_count; i++)
-    if (strcmp(scene->object[i].name, name) == 0)
-      return i;
-  return GV_WORLD;
-}
-
-// The object named at `key`; GV_WORLD where the key is absent, or the file was refused.
 static int read_object(const gv_scene *scene, gv_conf_group *group, const char *key) {
-  char name[GV_MAX_NAME] = "";
-  gv_conf_node node = gv_conf_find(group, key);
-  gv_conf_text(group, key, name, sizeof name);
-  if (!gv_conf_has(node))
-    return GV_WORLD;
-  const int found = find_object(scene, name);
-  if (found == GV_WORLD)
-    gv_conf_fail(node, "no object is named \"%s\"; give the name of one in 'objects'", name);
-  return found;
+  const gv_conf_names names = {.entries = scene->object,
+                               .size = sizeof *scene->object,
+                               .count = scene->object_count,
+                               .what = "object",
+                               .mend = "give the name of one in 'objects'"};
+  return gv_conf_reference(group, key, &names, GV_WORLD);
 }
 
 static void read_bodies(const gv_scene *scene, gv_conf_group *group, gv_joint *out) {
