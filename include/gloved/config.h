@@ -33,6 +33,14 @@ typedef struct gv_coupling {
   double d_t;  // N m s/rad; below 0: critical damping of the mean inertia
 } gv_coupling;
 
+// A second hand in the same world: couplings, masses, filter and skin are the first one's.
+typedef struct gv_second_hand {
+  bool present;
+  gv_hand_model hand;
+  gv_calibration calibration;
+  gv_pose T_receiver_wrist;
+} gv_second_hand;
+
 typedef struct gv_config {
   double step_s;    // integration step h
   double period_s;  // of the loop that calls the step: the solvers' time is a share of it;
@@ -40,6 +48,7 @@ typedef struct gv_config {
   gv_hand_model hand;
   gv_calibration calibration;
   gv_pose T_receiver_wrist;  // wrist joint seen from the tracker's receiver
+  gv_second_hand second;
   double limb_mass_kg, palm_mass_kg;
   gv_coupling limb, palm;
   gv_rotation_law rotation_law;

@@ -44,7 +44,7 @@ typedef enum gv_event {                // bits of gv_step_result.events
 } gv_event;
 
 typedef struct gv_contact {
-  int limb;                              // 0..15, or -1 - object index of body A
+  int limb;                              // 0..15, 16..31 of a second hand, or -1 - object index of body A
   int object, piece;                     // object index of body B, and its piece (gv_scene.piece)
   gv_vec3 position_world, normal_world;  // normal from B to A
   double depth_m;                        // negative: gap
@@ -102,6 +102,10 @@ gv_engine *gv_engine_init(void *mem, size_t size, const gv_config *cfg, const gv
 void gv_engine_close(gv_engine *engine);
 // One step of step_s: the paper's Figure 3. Never fails, never allocates. Cost: see `make bench`.
 void gv_engine_step(gv_engine *engine, const gv_sample *sample, gv_step_result *out);
+// The same for as many hands as the engine has (gv_config.second: two): a sample and a result of each. What
+// happened to the world stands in the events of both. Limbs do not collide with limbs, be they of one hand
+// or of two.
+void gv_engine_step_hands(gv_engine *engine, const gv_sample sample[], gv_step_result out[]);
 // From the next step on; all of it after gv_engine_init. What it does depends on the
 // numbers alone, not on a clock.
 void gv_engine_set_effort(gv_engine *engine, gv_effort effort);
@@ -119,6 +123,8 @@ const gv_contact *gv_engine_contacts(const gv_engine *engine, int *out_count);
 // Returns the count. Cost: about
 // 1 us for each limb in contact, plus 10 ns a polygon of the pieces it touches.
 int gv_engine_polygons(const gv_engine *engine, gv_polygon_contact out[], int max);
+int gv_engine_hands(const gv_engine *engine);
+// Limbs of a second hand are numbered from GV_LIMBS on; what is told without a limb is of the first hand.
 bool gv_engine_hand_placed(const gv_engine *engine);
 gv_pose gv_engine_limb_pose(const gv_engine *engine, int limb);    // T_world_limb, simulated
 gv_pose gv_engine_driver_pose(const gv_engine *engine, int limb);  // T_world_limb, skeleton
@@ -133,7 +139,7 @@ gv_joint_state gv_engine_joint(const gv_engine *engine, int joint);
 const double *gv_engine_measured(const gv_engine *engine);
 const double *gv_engine_angles(const gv_engine *engine);  // 22 joint angles of the skeleton, rad
 void gv_engine_memory(const gv_engine *engine, size_t *out_used, size_t *out_peak, size_t *out_size);
-// FNV-1a 64 over the whole simulated state (poses, velocities, filter, step count). Cost: 3 us.
+// FNV-1a 64 over the whole simulated state (poses, velocities, filters, step count). Cost: 3 us.
 uint64_t gv_engine_hash(const gv_engine *engine);
 // Kinetic energy plus potential energy of objects in gravity, joules (tests).
 double gv_engine_energy(const gv_engine *engine);

@@ -10,11 +10,13 @@ extern "C" {
 #endif
 
 enum {
-  GV_SENSORS = 22,                        // joint sensors of one glove (DESIGN.md, "Devices")
-  GV_FINGERS = 5,                         // force channels, thumb to little finger
-  GV_LIMBS = 16,                          // 15 finger limbs and the palm; the palm is the last
-  GV_MAX_OBJECTS = 64,                    // bodies in a scene, static ones included; 1 costs about 0.5 kB
-  GV_BODIES = GV_LIMBS + GV_MAX_OBJECTS,  // rigid bodies of the dynamics: the limbs, then the scene's objects
+  GV_SENSORS = 22,      // joint sensors of one glove (DESIGN.md, "Devices")
+  GV_FINGERS = 5,       // force channels, thumb to little finger
+  GV_LIMBS = 16,        // 15 finger limbs and the palm; the palm is the last
+  GV_MAX_OBJECTS = 64,  // bodies in a scene, static ones included; 1 costs about 0.5 kB
+  GV_HANDS = 2,         // of one engine
+  GV_BODIES = GV_HANDS * GV_LIMBS + GV_MAX_OBJECTS,  // rigid bodies of the dynamics: the first hand's limbs,
+                                                     // the scene's objects, the second hand's limbs
   GV_MAX_PIECES = 256,          // convex pieces in a scene, all objects; 1 costs 0.3 kB besides its polygons
   GV_MAX_HULL_VERTICES = 1024,  // of one piece; 1 costs 24 B and about 6 neighbours of 2 B
   GV_MAX_HULL_FACES = 2048,     // polygons of one piece (Euler: below 2 vertices)

@@ -45,15 +45,19 @@ static gv_aabb turned_box(const gv_mat3 *R, gv_vec3 p, const gv_aabb *box, doubl
 
 static size_t pairs_of_pieces(size_t pieces) { return pieces * pieces / 2 + 1; }
 
-bool gv_broad_alloc(gv_broad *broad, gv_arena *arena, const gv_scene *scene) {
+bool gv_broad_alloc(gv_broad *broad, gv_arena *arena, const gv_scene *scene, int hands) {
+  assert(hands >= 1 && hands <= GV_HANDS);
   const size_t n = (size_t)scene->piece_count;
+  const size_t limbs = (size_t)hands * GV_LIMBS;
   gv_shape *shape = gv_arena_alloc(arena, "piece shapes", n * sizeof *shape);
   gv_aabb *box = gv_arena_alloc(arena, "piece bounds", n * sizeof *box);
-  gv_pair_cache *limb = gv_arena_alloc(arena, "limb pairs", GV_LIMBS * n * sizeof *limb);
+  gv_pair_cache *limb = gv_arena_alloc(arena, "limb pairs", limbs * n * sizeof *limb);
   gv_pair_cache *piece = gv_arena_alloc(arena, "piece pairs", pairs_of_pieces(n) * sizeof *piece);
   if (!broad || !shape || !box || !limb || !piece)
     return false;
   broad->scene = scene;
+  broad->hands = hands;
+  broad->second_hand = GV_LIMBS + scene->object_count;
   broad->piece_shape = shape;
   broad->piece_box = box;
   broad->limb_cache = limb;
@@ -61,9 +65,14 @@ bool gv_broad_alloc(gv_broad *broad, gv_arena *arena, const gv_scene *scene) {
   return true;
 }
 
+static int limb_count(const gv_broad *broad) { return broad->hands * GV_LIMBS; }
+
 void gv_broad_forget(gv_broad *broad) {
+  static const gv_aabb nowhere = {{HUGE_VAL, HUGE_VAL, HUGE_VAL}, {-HUGE_VAL, -HUGE_VAL, -HUGE_VAL}};
+  for (int h = 0; h < GV_HANDS; h++)
+    broad->hand_box[h] = nowhere;
   const size_t n = (size_t)broad->scene->piece_count;
-  memset(broad->limb_cache, 0, GV_LIMBS * n * sizeof *broad->limb_cache);
+  memset(broad->limb_cache, 0, (size_t)limb_count(broad) * n * sizeof *broad->limb_cache);
   memset(broad->piece_cache, 0, pairs_of_pieces(n) * sizeof *broad->piece_cache);
 }
 
@@ -81,7 +90,7 @@ static gv_pair_cache *piece_cache(const gv_broad *broad, int i, int j) {
 void gv_broad_forget_sides(gv_broad *broad, int o) {
   const gv_object *object = &broad->scene->object[o];
   for (int i = object->piece_first; i < object->piece_first + object->piece_count; i++) {
-    for (int l = 0; l < GV_LIMBS; l++)
+    for (int l = 0; l < limb_count(broad); l++)
       limb_cache(broad, l, i)->inside = 0;
     for (int j = 0; j < broad->scene->piece_count; j++)
       if (j != i)
@@ -118,7 +127,7 @@ void gv_broad_init(gv_broad *broad, double step_s, double contact_margin_m) {
   broad->step_s = step_s;
   broad->contact_margin_m = contact_margin_m;
   note_joints(broad);
-  for (int l = 0; l < GV_LIMBS; l++) {
+  for (int l = 0; l < limb_count(broad); l++) {
     const gv_shape *shape = &broad->limb_shape[l];
     broad->limb_reach[l] = gv_norm(shape->half) + shape->radius;
   }
@@ -154,11 +163,17 @@ static gv_vec3 x_axis(gv_quat q) {
   return x;
 }
 
+// The body that a limb is.
+static int body_of(const gv_broad *broad, int l) {
+  return l < GV_LIMBS ? l : broad->second_hand + l - GV_LIMBS;
+}
+
 static void bound_limb(gv_broad *broad, int l) {
+  const int body = body_of(broad, l);
   const gv_shape *shape = &broad->limb_shape[l];
-  const gv_body_state *s = &broad->predicted[l];
+  const gv_body_state *s = &broad->predicted[body];
   gv_vec3 *axis = broad->limb_axis[l];
-  broad->margin[l] = body_margin(broad, s, broad->limb_reach[l]);
+  broad->margin[body] = body_margin(broad, s, broad->limb_reach[l]);
   axis[0] = gv_scale(x_axis(s->T.q), shape->half.x);
   gv_vec3 reach = absolute(axis[0]);
   if (shape->kind == GV_CORE_BOX) {
@@ -167,15 +182,17 @@ static void bound_limb(gv_broad *broad, int l) {
     axis[2] = gv_scale(gv_mat3_column(&R, 2), shape->half.z);
     reach = gv_add(reach, gv_add(absolute(axis[1]), absolute(axis[2])));
   }
-  broad->limb_box[l] = make_box(s->T.p, reach, shape->radius + broad->margin[l]);
+  broad->limb_box[l] = make_box(s->T.p, reach, shape->radius + broad->margin[body]);
 }
 
-void gv_broad_bound_limbs(gv_broad *broad) {
-  for (int l = 0; l < GV_LIMBS; l++)
+void gv_broad_bound_limbs(gv_broad *broad, int hand) {
+  assert(hand >= 0 && hand < broad->hands);
+  const int first = hand * GV_LIMBS;
+  for (int l = first; l < first + GV_LIMBS; l++)
     bound_limb(broad, l);
-  broad->hand_box = broad->limb_box[0];
-  for (int l = 1; l < GV_LIMBS; l++)
-    join(&broad->hand_box, &broad->limb_box[l]);
+  broad->hand_box[hand] = broad->limb_box[first];
+  for (int l = first + 1; l < first + GV_LIMBS; l++)
+    join(&broad->hand_box[hand], &broad->limb_box[l]);
 }
 
 void gv_broad_bound_object(gv_broad *broad, int o) {
@@ -186,11 +203,18 @@ void gv_broad_bound_object(gv_broad *broad, int o) {
   broad->object_box[o] = turned_box(&R, s->T.p, &broad->body_box[o], margin);
 }
 
-bool gv_broad_hand_is_near(const gv_broad *broad, int o) {
-  if (!gv_aabb_meet(&broad->hand_box, &broad->object_box[o]))
+static bool is_near(const gv_broad *broad, int hand, int o) {
+  if (!gv_aabb_meet(&broad->hand_box[hand], &broad->object_box[o]))
     return false;
-  for (int l = 0; l < GV_LIMBS; l++)
+  for (int l = hand * GV_LIMBS; l < (hand + 1) * GV_LIMBS; l++)
     if (gv_aabb_meet(&broad->limb_box[l], &broad->object_box[o]))
+      return true;
+  return false;
+}
+
+bool gv_broad_hand_is_near(const gv_broad *broad, int o) {
+  for (int h = 0; h < broad->hands; h++)
+    if (is_near(broad, h, o))
       return true;
   return false;
 }
@@ -217,7 +241,7 @@ static gv_candidate *list_pair(gv_broad *broad, int body_a, int shape_a, int bod
 }
 
 static void list_limb_piece(gv_broad *broad, int l, int o, int piece) {
-  gv_candidate *pair = list_pair(broad, l, l, GV_LIMBS + o, piece);
+  gv_candidate *pair = list_pair(broad, body_of(broad, l), l, GV_LIMBS + o, piece);
   if (pair)
     pair->cache = limb_cache(broad, l, piece);
 }
@@ -225,11 +249,12 @@ static void list_limb_piece(gv_broad *broad, int l, int o, int piece) {
 // A limb's box in an object's frame, which is turned by R, grown by both margins.
 static gv_aabb limb_box_in(const gv_broad *broad, int l, int o, const gv_mat3 *R) {
   const gv_vec3 *axis = broad->limb_axis[l];
+  const int body = body_of(broad, l);
   gv_vec3 reach = absolute(gv_mat3_mul_t(R, axis[0]));
   if (broad->limb_shape[l].kind == GV_CORE_BOX)
     reach = gv_add(reach, gv_add(absolute(gv_mat3_mul_t(R, axis[1])), absolute(gv_mat3_mul_t(R, axis[2]))));
-  gv_vec3 p = gv_sub(broad->predicted[l].T.p, broad->predicted[GV_LIMBS + o].T.p);
-  double by = broad->limb_shape[l].radius + broad->margin[l] + broad->margin[GV_LIMBS + o];
+  gv_vec3 p = gv_sub(broad->predicted[body].T.p, broad->predicted[GV_LIMBS + o].T.p);
+  double by = broad->limb_shape[l].radius + broad->margin[body] + broad->margin[GV_LIMBS + o];
   return make_box(gv_mat3_mul_t(R, p), reach, by);
 }
 
@@ -246,12 +271,13 @@ static void list_limb_object(gv_broad *broad, int l, int o, const gv_mat3 *R) {
       list_limb_piece(broad, l, o, i);
 }
 
-void gv_broad_list_hand(gv_broad *broad) {
+void gv_broad_list_hand(gv_broad *broad, int hand) {
+  assert(hand >= 0 && hand < broad->hands);
   for (int o = 0; o < broad->scene->object_count; o++) {
-    if (!gv_aabb_meet(&broad->hand_box, &broad->object_box[o]))
+    if (!gv_aabb_meet(&broad->hand_box[hand], &broad->object_box[o]))
       continue;
     const gv_mat3 R = gv_mat3_from_quat(broad->predicted[GV_LIMBS + o].T.q);
-    for (int l = 0; l < GV_LIMBS; l++)
+    for (int l = hand * GV_LIMBS; l < (hand + 1) * GV_LIMBS; l++)
       if (gv_aabb_meet(&broad->limb_box[l], &broad->object_box[o]))
         list_limb_object(broad, l, o, &R);
   }
@@ -306,5 +332,6 @@ void gv_broad_list_objects(gv_broad *broad, const int moving[], int moving_count
 }
 
 const gv_shape *gv_broad_shape_a(const gv_broad *broad, const gv_candidate *pair) {
-  return pair->body_a < GV_LIMBS ? &broad->limb_shape[pair->shape_a] : &broad->piece_shape[pair->shape_a];
+  return gv_broad_is_limb(broad, pair->body_a) ? &broad->limb_shape[pair->shape_a]
+                                               : &broad->piece_shape[pair->shape_a];
 }

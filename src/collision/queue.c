@@ -20,8 +20,8 @@ static int expected_operations(const gv_candidate *pair) {
 static bool is_before(const gv_broad *broad, uint16_t i, uint16_t j) {
   const gv_candidate *p = &broad->pair[i];
   const gv_candidate *q = &broad->pair[j];
-  bool hand_p = p->body_a < GV_LIMBS;
-  bool hand_q = q->body_a < GV_LIMBS;
+  bool hand_p = gv_broad_is_limb(broad, p->body_a);
+  bool hand_q = gv_broad_is_limb(broad, q->body_a);
   if (hand_p != hand_q)
     return hand_p;
   if (p->cache->urgency_m != q->cache->urgency_m)

@@ -19,7 +19,7 @@ static void set_mass(gv_body *b, double mass_kg, double added_kg, const gv_mat3 
 }
 
 void gv_bodies_set_limb(gv_bodies *bodies, int limb, const gv_spring *spring, double inertia) {
-  assert(limb >= 0 && limb < GV_LIMBS);
+  assert(limb >= 0 && limb < bodies->count && gv_bodies_is_limb(bodies, limb));
   const gv_mat3 own = {{{inertia, 0, 0}, {0, inertia, 0}, {0, 0, inertia}}};
   set_mass(&bodies->body[limb], spring->mass_kg, spring->added_mass_kg, &own, spring->added_inertia);
 }
@@ -81,8 +81,15 @@ static gv_vec3 choose_gravity(const gv_config *cfg, const gv_scene *scene) {
 
 void gv_bodies_init(gv_bodies *bodies, const gv_config *cfg, const gv_scene *scene,
                     const gv_spring spring[GV_LIMBS], const double limb_inertia[GV_LIMBS]) {
-  *bodies = (gv_bodies){.count = GV_LIMBS + scene->object_count, .gravity = choose_gravity(cfg, scene)};
+  const int second_hand = GV_LIMBS + scene->object_count;
+  *bodies = (gv_bodies){.count = second_hand + (cfg->second.present ? GV_LIMBS : 0),
+                        .second_hand = second_hand,
+                        .gravity = choose_gravity(cfg, scene)};
   assert(bodies->count <= GV_BODIES);
+  for (int i = second_hand; i < bodies->count; i++) {
+    bodies->state[i].T = gv_pose_identity();
+    bodies->body[i].stands = true;
+  }
   for (int i = 0; i < GV_LIMBS; i++) {
     bodies->state[i].T = gv_pose_identity();
     bodies->body[i].stands = true;

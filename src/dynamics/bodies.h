@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // The rigid bodies, the only copy of them: where they are, how they move, what they weigh, what pushes them
-// in the coming step. Numbers 0 to GV_LIMBS - 1 are the limbs, then come the scene's objects. Pure; real-time
-// thread.
+// in the coming step. Numbers 0 to GV_LIMBS - 1 are the limbs, then come the scene's objects, then the
+// limbs of a second hand. Pure; real-time thread.
 #ifndef DYNAMICS_BODIES_H
 #define DYNAMICS_BODIES_H
 
@@ -21,12 +21,14 @@ typedef struct gv_body {
 
 typedef struct gv_bodies {
   int count;
+  int second_hand;  // number of the first limb of a second hand: behind the last object
   gv_vec3 gravity;  // m/s^2, of objects
   gv_body_state state[GV_BODIES];
   gv_body body[GV_BODIES];
 } gv_bodies;
 
-// Every body of the scene and the 16 limbs, which stand. spring, limb_inertia: of each limb.
+// Every body of the scene and the limbs, which stand. spring, limb_inertia: of each limb of the first hand;
+// those of a second are the caller's to set.
 void gv_bodies_init(gv_bodies *bodies, const gv_config *cfg, const gv_scene *scene,
                     const gv_spring spring[GV_LIMBS], const double limb_inertia[GV_LIMBS]);
 // A limb's mass and inertia (kg m^2, about every axis), with the augmentation that belongs to its spring.
@@ -35,6 +37,9 @@ void gv_bodies_set_limb(gv_bodies *bodies, int limb, const gv_spring *spring, do
 void gv_bodies_set_state(gv_bodies *bodies, int body, const gv_body_state *state);
 void gv_bodies_set_standing(gv_bodies *bodies, int body, bool stands);
 void gv_bodies_add_force(gv_bodies *bodies, int body, gv_vec3 f, gv_vec3 t);
+static inline bool gv_bodies_is_limb(const gv_bodies *bodies, int body) {
+  return body < GV_LIMBS || body >= bodies->second_hand;
+}
 static inline bool gv_body_moves(const gv_body *b) { return !b->is_static && !b->stands; }
 
 // integrate.c: velocities and world inertias after a step of h without contacts, into the problem's bodies.

@@ -15,7 +15,7 @@ struct gv_dynamics {
   const gv_config *cfg;
   const gv_scene *scene;
   bool broken[GV_MAX_JOINTS];
-  gv_joint finger_joint[GV_FINGER_JOINTS];
+  gv_joint finger_joint[GV_HANDS][GV_FINGER_JOINTS];
   gv_bodies bodies;
   gv_choice choice;
   gv_problem problem;               // of this step
@@ -38,7 +38,9 @@ gv_dynamics *gv_dynamics_create(gv_arena *arena, const gv_config *cfg, const gv_
   dyn->cfg = cfg;
   dyn->scene = scene;
   dyn->choice = choice;
-  gv_finger_joints_init(&cfg->hand, dyn->finger_joint);
+  gv_finger_joints_init(&cfg->hand, dyn->finger_joint[0]);
+  if (cfg->second.present)
+    gv_finger_joints_init(&cfg->second.hand, dyn->finger_joint[1]);
   gv_bodies_init(&dyn->bodies, cfg, scene, spring, limb_inertia);
   return dyn;
 }
@@ -63,17 +65,22 @@ void gv_dynamics_set_state(gv_dynamics *dyn, int body, const gv_body_state *s) {
 }
 
 void gv_dynamics_set_limb(gv_dynamics *dyn, int limb, const gv_spring *spring, double inertia) {
-  assert(limb >= 0 && limb < GV_LIMBS);
   gv_bodies_set_limb(&dyn->bodies, limb, spring, inertia);
 }
 
-void gv_dynamics_park_limbs(gv_dynamics *dyn, bool parked) {
-  for (int i = 0; i < GV_LIMBS; i++)
+int gv_dynamics_hand(const gv_dynamics *dyn, int hand) {
+  assert(hand == 0 || (hand == 1 && dyn->cfg->second.present));
+  return hand == 0 ? 0 : dyn->bodies.second_hand;
+}
+
+void gv_dynamics_park_limbs(gv_dynamics *dyn, int first, bool parked) {
+  assert(first >= 0 && first + GV_LIMBS <= dyn->bodies.count);
+  for (int i = first; i < first + GV_LIMBS; i++)
     dyn->bodies.body[i].stands = parked;
 }
 
 void gv_dynamics_set_rest(gv_dynamics *dyn, int body, bool rest) {
-  assert(body >= GV_LIMBS && body < dyn->bodies.count);
+  assert(body >= GV_LIMBS && body < dyn->bodies.second_hand);
   gv_body_state *s = &dyn->bodies.state[body];
   if (rest)
     s->v = s->w = gv_v3(0, 0, 0);
@@ -131,6 +138,7 @@ static void state_problem(gv_dynamics *dyn, const gv_dynamics_contact contact[],
   gv_problem *problem = &dyn->problem;
   problem->step_s = dyn->cfg->step_s;
   problem->body_count = dyn->bodies.count;
+  problem->second_hand = dyn->cfg->second.present ? dyn->bodies.second_hand : 0;
   gv_bodies_move_freely(&dyn->bodies, problem->step_s, problem->body);
   for (int i = 0; i < problem->body_count; i++) {
     dyn->velocity[i].v = problem->body[i].v;
@@ -138,8 +146,9 @@ static void state_problem(gv_dynamics *dyn, const gv_dynamics_contact contact[],
   }
   gv_problem_set_contacts(problem, dyn->cfg, contact, count, dyn->index);
   gv_problem_set_joints(problem, dyn->cfg, dyn->scene, dyn->bodies.state, dyn->broken);
-  if (dyn->cfg->finger_joints)
-    gv_problem_add_finger_joints(problem, dyn->cfg, dyn->finger_joint, dyn->bodies.state);
+  for (int h = 0; dyn->cfg->finger_joints && h < (dyn->cfg->second.present ? 2 : 1); h++)
+    gv_problem_add_finger_joints(problem, dyn->cfg, dyn->finger_joint[h], gv_dynamics_hand(dyn, h),
+                                 dyn->bodies.state);
 }
 
 // No solver has an answer: what touches something stays where it is for this step.

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // Rigid bodies with contact and friction, one step at a time (Eqn 11 to 18). Bodies 0..15 are the limbs, then
-// the scene's objects. Memory from the arena; the real-time thread steps it.
+// the scene's objects, then the limbs of a second hand. Memory from the arena; the real-time thread steps it.
 #ifndef DYNAMICS_H
 #define DYNAMICS_H
 
@@ -12,7 +12,8 @@ typedef struct gv_dynamics gv_dynamics;
 // Inertia per mass (m^2) of the sphere with the volume of a box of these full sizes (Table 1).
 double gv_sphere_inertia_of_box(gv_vec3 size_m);
 
-// Null where the arena is too small.
+// Null where the arena is too small. spring, limb_inertia: of the first hand; gv_dynamics_set_limb gives a
+// second one's.
 gv_dynamics *gv_dynamics_create(gv_arena *arena, const gv_config *cfg, const gv_scene *scene,
                                 const gv_spring spring[GV_LIMBS], const double limb_inertia[GV_LIMBS]);
 void gv_dynamics_destroy(gv_dynamics *dyn);
@@ -24,8 +25,10 @@ const gv_body_state *gv_dynamics_state(const gv_dynamics *dyn, int body);
 void gv_dynamics_set_state(gv_dynamics *dyn, int body, const gv_body_state *state);
 // Another spring for a limb: its mass with the augmentation that belongs to it. Never allocates.
 void gv_dynamics_set_limb(gv_dynamics *dyn, int limb, const gv_spring *spring, double inertia);
-// A limb without a driver is parked: not simulated.
-void gv_dynamics_park_limbs(gv_dynamics *dyn, bool parked);
+// Limbs without a driver are parked: not simulated. first: of the hand's bodies.
+void gv_dynamics_park_limbs(gv_dynamics *dyn, int first, bool parked);
+// The first body of a hand, 0 or 1.
+int gv_dynamics_hand(const gv_dynamics *dyn, int hand);
 // An object at rest stands still and is not simulated; others see it as static.
 void gv_dynamics_set_rest(gv_dynamics *dyn, int body, bool rest);
 // Was a force added for the coming step?

@@ -67,7 +67,7 @@ void gv_bodies_move_freely(const gv_bodies *bodies, double h, gv_problem_body ou
     if (!gv_body_moves(b))
       continue;
     out->mass = 1.0 / b->inv_mass;
-    if (i < GV_LIMBS)
+    if (gv_bodies_is_limb(bodies, i))
       move_limb(b, s, h, out);
     else
       move_object(b, s, bodies->gravity, h, out);
@@ -83,7 +83,7 @@ void gv_bodies_predict(const gv_bodies *bodies, double h, int body, gv_body_stat
     return;
   }
   out->v = gv_mad(out->v, h * b->inv_mass, b->force);
-  if (body >= GV_LIMBS)
+  if (!gv_bodies_is_limb(bodies, body))
     out->v = gv_mad(out->v, h, bodies->gravity);
 }
 
@@ -109,7 +109,7 @@ void gv_bodies_advance(gv_bodies *bodies, double h, const gv_velocity velocity[]
 
 double gv_bodies_object_energy(const gv_bodies *bodies) {
   double sum = 0.0;
-  for (int i = GV_LIMBS; i < bodies->count; i++) {
+  for (int i = GV_LIMBS; i < bodies->second_hand; i++) {
     const gv_body *b = &bodies->body[i];
     if (b->is_static)
       continue;

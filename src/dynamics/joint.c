@@ -231,10 +231,11 @@ void gv_finger_joints_init(const gv_hand_model *hand, gv_joint out_joint[GV_FING
 
 // The limbs of a finger follow each other in number.
 void gv_problem_add_finger_joints(gv_problem *problem, const gv_config *cfg,
-                                  const gv_joint joint[GV_FINGER_JOINTS], const gv_body_state state[]) {
+                                  const gv_joint joint[GV_FINGER_JOINTS], int first,
+                                  const gv_body_state state[]) {
   for (int i = 0; i < GV_FINGER_JOINTS; i++) {
     assert(problem->joint_count < GV_PROBLEM_JOINTS);
-    const int near = 3 * (i / 2) + i % 2;
+    const int near = first + 3 * (i / 2) + i % 2;
     gv_problem_joint *j = &problem->joint[problem->joint_count++];
     *j = place_joint(&joint[i], near + 1, near, state);
     if (problem->body[near].mass > 0.0)

@@ -56,7 +56,7 @@ typedef struct gv_newton {
   int rows;  // of joints, then of contacts' patches
   gv_newton_row row[GV_MAX_ROWS + GV_MAX_CONTACTS];
   gv_newton_node node[GV_NODES];
-  gv_newton_limb limb[GV_LIMBS];
+  gv_newton_limb limb[GV_HANDS * GV_LIMBS];
   int of_limb[GV_MAX_CONTACTS];  // contacts, limb by limb
   gv_six dv[GV_NODES];           // v - v_free
   gv_blocks blocks;

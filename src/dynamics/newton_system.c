@@ -13,7 +13,9 @@
 
 enum { NOBODY = -2, STATIC = -1, MANY = GV_BODIES };
 
-static bool is_limb(int body) { return body < GV_LIMBS; }
+static bool is_limb(const gv_problem *problem, int body) {
+  return body < GV_LIMBS || (problem->second_hand > 0 && body >= problem->second_hand);
+}
 
 static void add_node(gv_newton *s, const gv_problem *problem, int body) {
   assert(body >= 0 && body < problem->body_count);
@@ -28,24 +30,25 @@ static void add_node(gv_newton *s, const gv_problem *problem, int body) {
 }
 
 // The one body that each limb touches, which itself must not be a leaf. A limb in a row is none.
-static void find_partners(const gv_newton *s, const gv_problem *problem, int out_partner[GV_LIMBS]) {
-  for (int i = 0; i < GV_LIMBS; i++)
-    out_partner[i] = NOBODY;
+static void find_partners(const gv_newton *s, const gv_problem *problem, int out_partner[GV_BODIES]) {
+  for (int i = 0; i < problem->body_count; i++)
+    if (is_limb(problem, i))
+      out_partner[i] = NOBODY;
   for (int i = 0; i < s->count; i++) {
     const gv_problem_contact *c = &problem->contact[i];
     const int other = problem->body[c->body_b].mass > 0.0 ? c->body_b : STATIC;
-    if (is_limb(c->body_b))
+    if (is_limb(problem, c->body_b))
       out_partner[c->body_b] = MANY;
-    if (!is_limb(c->body_a))
+    if (!is_limb(problem, c->body_a))
       continue;
     int *partner = &out_partner[c->body_a];
     *partner = c->patch > 0.0 || (*partner != NOBODY && *partner != other) ? MANY : other;
   }
   for (int i = 0; i < problem->row_count; i++) {
     const gv_problem_row *row = &problem->row[i];
-    if (is_limb(row->body_a))
+    if (is_limb(problem, row->body_a))
       out_partner[row->body_a] = MANY;
-    if (row->body_b != GV_WORLD && is_limb(row->body_b))
+    if (row->body_b != GV_WORLD && is_limb(problem, row->body_b))
       out_partner[row->body_b] = MANY;
   }
 }
@@ -60,7 +63,7 @@ static void add_leaf(gv_newton *s, const gv_problem *problem, int body, int part
 
 // Bodies that move and touch something: first those of the matrix, then the leaves.
 static void make_nodes(gv_newton *s, const gv_problem *problem) {
-  int partner[GV_LIMBS];
+  int partner[GV_BODIES];
   bool touched[GV_BODIES] = {false};
   find_partners(s, problem, partner);
   for (int i = 0; i < s->count; i++)
@@ -75,12 +78,12 @@ static void make_nodes(gv_newton *s, const gv_problem *problem) {
     s->node_of[b] = -1;
     if (!touched[b] || !(problem->body[b].mass > 0.0))
       continue;
-    if (!is_limb(b) || partner[b] == MANY)
+    if (!is_limb(problem, b) || partner[b] == MANY)
       add_node(s, problem, b);
   }
   gv_blocks_begin(&s->blocks, s->nodes);
-  for (int b = 0; b < GV_LIMBS && b < problem->body_count; b++)
-    if (partner[b] != MANY && partner[b] != NOBODY && problem->body[b].mass > 0.0)
+  for (int b = 0; b < problem->body_count; b++)
+    if (is_limb(problem, b) && partner[b] != MANY && partner[b] != NOBODY && problem->body[b].mass > 0.0)
       add_leaf(s, problem, b, partner[b]);
 }
 

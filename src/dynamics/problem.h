@@ -26,7 +26,7 @@
 #include "base/body_state.h"
 #include "gloved/config.h"
 
-// A body in world axes. Numbers 0 to GV_LIMBS - 1 are limbs, whose inertia is the same about every axis.
+// A body in world axes. Numbers 0 to GV_LIMBS - 1, and those of a second hand, are limbs, whose inertia is the same about every axis.
 typedef struct gv_problem_body {
   double mass;      // kg; 0: does not move (then inertia is not read, and v = w = 0)
   gv_mat3 inertia;  // kg m^2, about the centre of mass, world axes
@@ -71,8 +71,8 @@ typedef struct gv_problem_joint {
 enum {
   GV_JOINT_HELD = 6,                  // rows that hold a joint together, at most
   GV_JOINT_ROWS = 9,                  // with limit, friction and spring
-  GV_FINGER_JOINTS = 2 * GV_FINGERS,  // of the hand, where its limbs are joined
-  GV_PROBLEM_JOINTS = GV_MAX_JOINTS + GV_FINGER_JOINTS,
+  GV_FINGER_JOINTS = 2 * GV_FINGERS,  // of a hand, where its limbs are joined
+  GV_PROBLEM_JOINTS = GV_MAX_JOINTS + GV_HANDS * GV_FINGER_JOINTS,
   GV_MAX_ROWS = GV_PROBLEM_JOINTS * GV_JOINT_ROWS
 };
 
@@ -80,6 +80,7 @@ typedef struct gv_problem {
   double step_s;    // h
   double budget_s;  // time that one solver may take, reckoned in operations, never by a clock
   int body_count, contact_count;
+  int second_hand;  // number of the first of its limbs, which are the last bodies; 0: there is none
   gv_problem_body body[GV_BODIES];
   gv_problem_contact contact[GV_MAX_CONTACTS];
   int joint_count, row_count;
@@ -117,10 +118,12 @@ void gv_problem_set_contacts(gv_problem *problem, const gv_config *cfg, const gv
 // with poses of this step; the problem's bodies and step are there already.
 void gv_problem_set_joints(gv_problem *problem, const gv_config *cfg, const gv_scene *scene,
                            const gv_body_state state[], const bool broken[GV_MAX_JOINTS]);
-// Adds the ball joints between the limbs of each finger, as the hand's bones have them.
+// Adds the ball joints between the limbs of each finger, as the hand's bones have them. first: the hand's
+// first body.
 void gv_finger_joints_init(const gv_hand_model *hand, gv_joint out_joint[GV_FINGER_JOINTS]);
 void gv_problem_add_finger_joints(gv_problem *problem, const gv_config *cfg,
-                                  const gv_joint joint[GV_FINGER_JOINTS], const gv_body_state state[]);
+                                  const gv_joint joint[GV_FINGER_JOINTS], int first,
+                                  const gv_body_state state[]);
 // The part of a position error that a step takes back, as ODE has it.
 #define GV_JOINT_ERP 0.2
 // Force across a joint of this step, N: of the rows that hold its bodies together,

@@ -163,6 +163,14 @@ static const char *unsound_measure(const gv_hand_model *hand) {
   return NULL;
 }
 
+static const char *unsound_second(const gv_second_hand *second) {
+  if (unsound_measure(&second->hand))
+    return "second.hand";
+  if (!gv_pose_finite(second->T_receiver_wrist))
+    return "second.T_receiver_wrist";
+  return gv_calibration_check(&second->calibration) ? "second.calibration" : NULL;
+}
+
 const char *gv_config_check(const gv_config *c) {
   for (int i = 0; i < GV_ENGINE_SETTINGS; i++)
     if (!gv_setting_sound(&gv_engine_settings[i], c))
@@ -178,5 +186,5 @@ const char *gv_config_check(const gv_config *c) {
     return "T_receiver_wrist";
   if (gv_calibration_check(&c->calibration))
     return "calibration";
-  return NULL;
+  return c->second.present ? unsound_second(&c->second) : NULL;
 }

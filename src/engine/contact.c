@@ -49,6 +49,14 @@ static gv_vec3 friction_dir(gv_vec3 slip, gv_vec3 normal) {
   return n > 1e-6 ? gv_scale(slip, 1.0 / n) : gv_any_perpendicular(normal);
 }
 
+// As gv_contact.limb has it.
+static int told_number(const gv_engine *e, int body) {
+  if (body < GV_LIMBS)
+    return body;
+  const int of_second = body - e->broad.second_hand;
+  return of_second >= 0 ? GV_LIMBS + of_second : -1 - (body - GV_LIMBS);
+}
+
 static void add_contact(gv_engine *e, const gv_candidate *pair, const rub *rubbing,
                         const gv_contact_point *k) {
   const gv_body_state *a = &e->broad.predicted[pair->body_a];
@@ -65,7 +73,7 @@ static void add_contact(gv_engine *e, const gv_candidate *pair, const rub *rubbi
     return;
   assert(i < GV_MAX_CONTACTS);
   gv_contact *told = &e->contact[i];
-  told->limb = pair->body_a < GV_LIMBS ? pair->body_a : -1 - (pair->body_a - GV_LIMBS);
+  told->limb = told_number(e, pair->body_a);
   told->object = pair->body_b - GV_LIMBS;
   told->piece = pair->piece_b;
   told->position_world = x;
@@ -108,7 +116,8 @@ static rub rub_between(const gv_engine *e, rub a, rub b) {
 }
 
 static rub rub_of_body(const gv_engine *e, int body) {
-  return body < GV_LIMBS ? rub_of_hand(e) : rub_of_object(&e->scene->object[body - GV_LIMBS]);
+  return gv_broad_is_limb(&e->broad, body) ? rub_of_hand(e)
+                                           : rub_of_object(&e->scene->object[body - GV_LIMBS]);
 }
 
 static void collide_pair(gv_engine *e, const gv_candidate *pair, gv_distance *out_distance) {
@@ -119,7 +128,7 @@ static void collide_pair(gv_engine *e, const gv_candidate *pair, gv_distance *ou
   const double margin = broad->margin[pair->body_a] + broad->margin[pair->body_b];
   gv_contact_point point[GV_MAX_PAIR_CONTACTS];
   const int count = gv_manifold_pair(e->cfg.narrow, &shapes, margin, pair->cache, point, out_distance);
-  if (gv_distance_overlaps(out_distance) && pair->body_a < GV_LIMBS) {
+  if (gv_distance_overlaps(out_distance) && gv_broad_is_limb(broad, pair->body_a)) {
     e->events |= GV_EVENT_OVERLAP;
     e->counters.overlaps++;
   }
@@ -155,10 +164,11 @@ static void bound_object(gv_engine *e, int o) {
   gv_broad_bound_object(&e->broad, o);
 }
 
-static void bound_hand(gv_engine *e) {
-  for (int l = 0; l < GV_LIMBS; l++)
-    gv_dynamics_predict(e->dyn, l, &e->broad.predicted[l]);
-  gv_broad_bound_limbs(&e->broad);
+static void bound_hand(gv_engine *e, int h) {
+  const int first = e->hand[h].first_body;
+  for (int b = first; b < first + GV_LIMBS; b++)
+    gv_dynamics_predict(e->dyn, b, &e->broad.predicted[b]);
+  gv_broad_bound_limbs(&e->broad, h);
 }
 
 static void bound_objects(gv_engine *e) {
@@ -180,7 +190,7 @@ static void wake_objects(gv_engine *e) {
   gv_rest *rest = &e->rest;
   const int count = rest->moving_count;
   for (int o = 0; o < e->scene->object_count; o++) {
-    if (!rest->resting[o] || !gv_rest_is_disturbed(rest, &e->broad, e->placed, o))
+    if (!rest->resting[o] || !gv_rest_is_disturbed(rest, &e->broad, gv_engine_any_placed(e), o))
       continue;
     gv_engine_wake_object(e, o);
     bound_object(e, o);
@@ -197,7 +207,7 @@ void gv_engine_put_to_rest(gv_engine *e) {
     const gv_body_state *s = gv_dynamics_state(e->dyn, GV_LIMBS + o);
     // One in a joint goes on: it may be pushed by way of the other.
     const int steps = e->in_joint[o] ? INT_MAX : enough;
-    if (!gv_rest_lies_still(&e->rest, &e->broad, e->placed, o, s, steps))
+    if (!gv_rest_lies_still(&e->rest, &e->broad, gv_engine_any_placed(e), o, s, steps))
       continue;
     gv_dynamics_set_rest(e->dyn, GV_LIMBS + o, true);
   }
@@ -209,13 +219,15 @@ void gv_engine_collide(gv_engine *e) {
   e->contact_count = 0;
   e->shallowest = -1;
   gv_rest_list_moving(&e->rest, e->scene);
-  if (e->placed)
-    bound_hand(e);
+  for (int h = 0; h < e->hands; h++)
+    if (e->hand[h].placed)
+      bound_hand(e, h);
   bound_objects(e);
   wake_objects(e);
   gv_broad_list_none(&e->broad);
-  if (e->placed)
-    gv_broad_list_hand(&e->broad);
+  for (int h = 0; h < e->hands; h++)
+    if (e->hand[h].placed)
+      gv_broad_list_hand(&e->broad, h);
   gv_broad_list_objects(&e->broad, e->rest.moving, e->rest.moving_count);
   collide_pairs(e);
   const uint32_t pairs = (uint32_t)(e->broad.pair_count + e->broad.dropped);

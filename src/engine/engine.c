@@ -18,33 +18,47 @@
 #define COLLISION_SHARE 0.25
 #define LEAST_OPERATIONS 10000
 
+static void set_config(gv_engine *e, const gv_config *cfg) {
+  e->cfg = e->second_cfg = *cfg;
+  e->second_cfg.hand = cfg->second.hand;
+  e->second_cfg.calibration = cfg->second.calibration;
+  e->second_cfg.T_receiver_wrist = cfg->second.T_receiver_wrist;
+}
+
 static bool put_engine(gv_arena *arena, const gv_config *cfg, const gv_scene *scene, gv_engine **out) {
   gv_engine *e = gv_arena_alloc(arena, "engine", sizeof *e);
-  if (!gv_broad_alloc(e ? &e->broad : NULL, arena, scene) || !e)
+  const int hands = cfg->second.present ? 2 : 1;
+  if (!gv_broad_alloc(e ? &e->broad : NULL, arena, scene, hands) || !e)
     return false;
-  e->cfg = *cfg;
   e->scene = scene;
+  e->hands = hands;
+  e->hand[0].cfg = &e->cfg;
+  e->hand[1].cfg = &e->second_cfg;
+  e->hand[1].first_body = GV_LIMBS + scene->object_count;
+  set_config(e, cfg);
   *out = e;
   return true;
 }
 
-static gv_spring make_spring(const gv_engine *e, int limb) {
+static gv_spring make_spring(const gv_engine *e, const gv_engine_hand *hand, int limb) {
   const bool palm = limb == GV_LIMB_PALM;
   return gv_spring_make(palm ? &e->cfg.palm : &e->cfg.limb, palm ? e->cfg.palm_mass_kg : e->cfg.limb_mass_kg,
-                        e->limb_inertia[limb], e->cfg.step_s, e->cfg.rotation_law);
+                        hand->limb_inertia[limb], e->cfg.step_s, e->cfg.rotation_law);
 }
 
-static void make_limbs(gv_engine *e) {
-  const gv_hand_model *hand = &e->cfg.hand;
+static void make_limbs(gv_engine *e, int h) {
+  gv_engine_hand *made = &e->hand[h];
+  const gv_hand_model *hand = &made->cfg->hand;
+  gv_shape *shape = &e->broad.limb_shape[h * GV_LIMBS];
   for (int i = 0; i < GV_LIMBS; i++) {
     bool palm = i == GV_LIMB_PALM;
     double r = palm ? hand->palm_radius_m : hand->radius_m[i / 3][i % 3];
-    e->broad.limb_shape[i] = palm ? gv_shape_rounded_box(hand->palm_half_m, r)
-                                  : gv_shape_capsule(gv_hand_half_length(hand, i), r);
-    gv_vec3 half = e->broad.limb_shape[i].half;
+    shape[i] = palm ? gv_shape_rounded_box(hand->palm_half_m, r)
+                    : gv_shape_capsule(gv_hand_half_length(hand, i), r);
+    gv_vec3 half = shape[i].half;
     double mass = palm ? e->cfg.palm_mass_kg : e->cfg.limb_mass_kg;
-    e->limb_inertia[i] = mass * gv_sphere_inertia_of_box(gv_scale(gv_add(half, gv_v3(r, r, r)), 2.0));
-    e->spring[i] = make_spring(e, i);
+    made->limb_inertia[i] = mass * gv_sphere_inertia_of_box(gv_scale(gv_add(half, gv_v3(r, r, r)), 2.0));
+    made->spring[i] = make_spring(e, made, i);
   }
 }
 
@@ -66,6 +80,14 @@ static void note_joints(gv_engine *e) {
   }
 }
 
+static void tell_springs(gv_engine *e) {
+  for (int h = 0; h < e->hands; h++) {
+    const gv_engine_hand *hand = &e->hand[h];
+    for (int i = 0; i < GV_LIMBS; i++)
+      gv_dynamics_set_limb(e->dyn, hand->first_body + i, &hand->spring[i], hand->limb_inertia[i]);
+  }
+}
+
 // A share of the loop's period, in counted operations.
 static int budget_of(const gv_config *cfg) {
   const double period_s = cfg->period_s > 0.0 ? cfg->period_s : cfg->step_s;
@@ -80,14 +102,16 @@ gv_engine *gv_engine_init(void *mem, size_t size, const gv_config *cfg, const gv
   gv_arena_init(&arena, mem, size);
   if (!put_engine(&arena, cfg, scene, &e))
     return NULL;
-  make_limbs(e);
+  for (int h = 0; h < e->hands; h++)
+    make_limbs(e, h);
   note_joints(e);
   gv_broad_init(&e->broad, cfg->step_s, cfg->contact_margin_m);
   e->collision_budget = budget_of(cfg);
   e->effort = (gv_effort){1.0, GV_MAX_CONTACTS};
-  e->dyn = gv_dynamics_create(&arena, &e->cfg, scene, e->spring, e->limb_inertia);
+  e->dyn = gv_dynamics_create(&arena, &e->cfg, scene, e->hand[0].spring, e->hand[0].limb_inertia);
   if (!e->dyn)
     return NULL;
+  tell_springs(e);
   e->arena = arena;
   gv_dynamics_warm_up(e->dyn);
   gv_engine_reset(e);
@@ -108,14 +132,19 @@ void gv_engine_close(gv_engine *engine) {
     gv_dynamics_destroy(engine->dyn);
 }
 
+static void reset_hand(gv_engine *e, gv_engine_hand *hand) {
+  gv_condition_init(&hand->condition, hand->cfg);
+  hand->placed = false;
+  memset(hand->felt_f, 0, sizeof hand->felt_f);
+  memset(hand->felt_t, 0, sizeof hand->felt_t);
+  gv_dynamics_park_limbs(e->dyn, hand->first_body, true);
+}
+
 void gv_engine_reset(gv_engine *e) {
-  gv_condition_init(&e->condition, &e->cfg);
   gv_broad_forget(&e->broad);  // a warm start must not remember the last life
-  e->placed = false;
   e->contact_count = 0;
-  memset(e->felt_f, 0, sizeof e->felt_f);
-  memset(e->felt_t, 0, sizeof e->felt_t);
-  gv_dynamics_park_limbs(e->dyn, true);
+  for (int h = 0; h < e->hands; h++)
+    reset_hand(e, &e->hand[h]);
   gv_dynamics_forget(e->dyn);
   gv_dynamics_mend_joints(e->dyn);
   for (int o = 0; o < e->scene->object_count; o++)
@@ -131,30 +160,30 @@ int gv_engine_adjust(gv_engine *e, const gv_coupling *limb, const gv_coupling *p
   cfg.mu_hand = mu_hand;
   if (gv_config_check(&cfg))
     return -1;
-  e->cfg = cfg;
-  for (int i = 0; i < GV_LIMBS; i++) {
-    e->spring[i] = make_spring(e, i);
-    gv_dynamics_set_limb(e->dyn, i, &e->spring[i], e->limb_inertia[i]);
-  }
+  set_config(e, &cfg);
+  for (int h = 0; h < e->hands; h++)
+    for (int i = 0; i < GV_LIMBS; i++)
+      e->hand[h].spring[i] = make_spring(e, &e->hand[h], i);
+  tell_springs(e);
   return 0;
 }
 
 const gv_config *gv_engine_config(const gv_engine *e) { return &e->cfg; }
 
 // First sample: the limbs appear on their driver frames, at rest.
-static void place_hand(gv_engine *e) {
+static void place_hand(gv_engine *e, gv_engine_hand *hand) {
   for (int i = 0; i < GV_LIMBS; i++)
-    gv_dynamics_set_state(e->dyn, i, &e->driver[i]);
-  gv_dynamics_park_limbs(e->dyn, false);
-  e->placed = true;
-  e->events |= GV_EVENT_HAND_PLACED;
+    gv_dynamics_set_state(e->dyn, hand->first_body + i, &hand->driver[i]);
+  gv_dynamics_park_limbs(e->dyn, hand->first_body, false);
+  hand->placed = true;
+  hand->events |= GV_EVENT_HAND_PLACED;
 }
 
 // The skeleton's frames of this step, and their velocities since the last.
-static void move_driver(gv_engine *e) {
-  gv_condition_output(&e->condition, &e->cfg, e->angle, &e->wrist);
-  gv_hand_pose(&e->cfg.hand, &e->wrist, e->angle, e->skeleton, e->joint);
-  double rate = 1.0 / e->cfg.step_s;
+static void move_driver(gv_engine_hand *e) {
+  gv_condition_output(&e->condition, e->cfg, e->angle, &e->wrist);
+  gv_hand_pose(&e->cfg->hand, &e->wrist, e->angle, e->skeleton, e->joint);
+  double rate = 1.0 / e->cfg->step_s;
   for (int i = 0; i < GV_LIMBS; i++) {
     const gv_pose *now = &e->skeleton[i];
     gv_body_state *d = &e->driver[i];
@@ -179,38 +208,39 @@ static uint32_t refusal_events(unsigned why) {
          (why & GV_SAMPLE_NO_POSE ? GV_EVENT_SAMPLE_NO_POSE : 0u);
 }
 
-static void take_sample(gv_engine *e, const gv_sample *sample) {
+static void take_sample(gv_engine *e, gv_engine_hand *hand, const gv_sample *sample) {
+  hand->events = 0;
   if (sample->glove_new || sample->pose_new) {
     e->counters.samples++;
-    int refused = gv_condition_sample(&e->condition, &e->cfg, sample, &e->counters.angles_limited);
+    int refused = gv_condition_sample(&hand->condition, hand->cfg, sample, &e->counters.angles_limited);
     if (refused) {
-      e->events |= refusal_events(e->condition.why);
+      hand->events |= refusal_events(hand->condition.why);
       e->counters.samples_refused += (uint64_t)refused;
     }
   }
-  if (!gv_condition_ready(&e->condition))
+  if (!gv_condition_ready(&hand->condition))
     return;
-  gv_condition_step(&e->condition, &e->cfg);
-  move_driver(e);
-  if (!e->placed)
-    place_hand(e);
+  gv_condition_step(&hand->condition, hand->cfg);
+  move_driver(hand);
+  if (!hand->placed)
+    place_hand(e, hand);
 }
 
-static void pull_limbs(gv_engine *e) {
+static void pull_limbs(gv_engine *e, const gv_engine_hand *hand) {
   gv_vec3 f[GV_LIMBS], t[GV_LIMBS];
-  if (!e->placed)
+  if (!hand->placed)
     return;
-  gv_springs_apply(e->spring, gv_dynamics_state(e->dyn, 0), e->driver, f, t);
+  gv_springs_apply(hand->spring, gv_dynamics_state(e->dyn, hand->first_body), hand->driver, f, t);
   for (int i = 0; i < GV_LIMBS; i++) {
     if (e->cfg.limb_gravity)
-      f[i] = gv_mad(f[i], e->spring[i].mass_kg, gv_dynamics_gravity(e->dyn));
-    gv_dynamics_add_force(e->dyn, i, f[i], t[i]);
+      f[i] = gv_mad(f[i], hand->spring[i].mass_kg, gv_dynamics_gravity(e->dyn));
+    gv_dynamics_add_force(e->dyn, hand->first_body + i, f[i], t[i]);
   }
 }
 
 static void count_step(gv_engine *e, gv_solver_report report) {
   gv_counters *c = &e->counters;
-  const bool joined = e->scene->joint_count > 0 || (e->cfg.finger_joints && e->placed);
+  const bool joined = e->scene->joint_count > 0 || (e->cfg.finger_joints && gv_engine_any_placed(e));
   switch (report.solver) {
     case GV_SOLVER_NEWTON: c->newton_steps++; break;
     case GV_SOLVER_DANTZIG: c->dantzig_steps++; break;
@@ -270,9 +300,12 @@ static void put_back_object(gv_engine *e, int object) {
 
 static void guard_states(gv_engine *e) {
   const gv_body_state *state = gv_dynamics_state(e->dyn, 0);
-  for (int i = 0; i < GV_LIMBS; i++)
-    if (!state_sound(&state[i]))
-      put_back(e, i, &e->driver[i].T);
+  for (int h = 0; h < e->hands; h++) {
+    const int first = e->hand[h].first_body;
+    for (int i = 0; i < GV_LIMBS; i++)
+      if (!state_sound(&state[first + i]))
+        put_back(e, first + i, &e->hand[h].driver[i].T);
+  }
   for (int i = 0; i < e->rest.moving_count; i++) {
     const int o = e->rest.moving[i];
     if (!state_sound(&state[GV_LIMBS + o]))
@@ -281,25 +314,35 @@ static void guard_states(gv_engine *e) {
 }
 
 // What the person should feel: the opposite of the coupling on the limbs, as five tendon tensions.
-static void feel_coupling(gv_engine *e, double out_tension_n[GV_FINGERS]) {
+static void feel_coupling(const gv_engine *e, gv_engine_hand *hand, double out_tension_n[GV_FINGERS]) {
   memset(out_tension_n, 0, GV_FINGERS * sizeof *out_tension_n);
-  if (!e->placed)
+  if (!hand->placed)
     return;
-  gv_springs_feel(e->spring, gv_dynamics_state(e->dyn, 0), e->driver, e->ahead, e->felt_f, e->felt_t);
-  gv_tendon_map(e->joint, e->skeleton, e->felt_f, e->felt_t, out_tension_n);
+  gv_springs_feel(hand->spring, gv_dynamics_state(e->dyn, hand->first_body), hand->driver, hand->ahead,
+                  hand->felt_f, hand->felt_t);
+  gv_tendon_map(hand->joint, hand->skeleton, hand->felt_f, hand->felt_t, out_tension_n);
+}
+
+void gv_engine_step_hands(gv_engine *e, const gv_sample sample[], gv_step_result out[]) {
+  assert(e && sample && out);
+  e->events = 0;
+  for (int h = 0; h < e->hands; h++) {
+    take_sample(e, &e->hand[h], &sample[h]);  // device driver update: skeleton to driver frames
+    pull_limbs(e, &e->hand[h]);               // coupling, Eqn 1 to 4
+  }
+  gv_engine_collide(e);  // collision detection, Eqn 5 to 8; contact definition, Eqn 9, 10
+  solve(e);              // equations of motion, Eqn 11 to 18
+  guard_states(e);
+  gv_engine_put_to_rest(e);
+  e->counters.steps++;
+  for (int h = 0; h < e->hands; h++) {
+    feel_coupling(e, &e->hand[h], out[h].tension_n);  // constraint forces to the haptic hand interface
+    out[h].events = e->events | e->hand[h].events;
+    out[h].contact_count = e->contact_count;
+  }
 }
 
 void gv_engine_step(gv_engine *e, const gv_sample *sample, gv_step_result *out) {
-  assert(e && sample && out);
-  e->events = 0;
-  take_sample(e, sample);  // device driver update: skeleton to driver frames
-  pull_limbs(e);           // coupling, Eqn 1 to 4
-  gv_engine_collide(e);    // collision detection, Eqn 5 to 8; contact definition, Eqn 9, 10
-  solve(e);                // equations of motion, Eqn 11 to 18
-  guard_states(e);
-  gv_engine_put_to_rest(e);
-  feel_coupling(e, out->tension_n);  // constraint forces to the haptic hand interface
-  e->counters.steps++;
-  out->events = e->events;
-  out->contact_count = e->contact_count;
+  assert(e->hands == 1);
+  gv_engine_step_hands(e, sample, out);
 }

@@ -11,11 +11,9 @@
 #include "gloved/arena.h"
 #include "gloved/engine.h"
 
-struct gv_engine {
-  gv_config cfg;
-  const gv_scene *scene;
-  gv_arena arena;
-  gv_dynamics *dyn;
+typedef struct gv_engine_hand {
+  const gv_config *cfg;  // with this hand's measures and calibration
+  int first_body;        // of its limbs
   gv_condition condition;
   gv_spring spring[GV_LIMBS];
   double limb_inertia[GV_LIMBS];
@@ -29,6 +27,17 @@ struct gv_engine {
   gv_vec3 felt_f[GV_LIMBS], felt_t[GV_LIMBS];  // by the person at the end of the last step: the opposite
                                                // of the coupling
   bool placed;
+  uint32_t events;  // of its sample in this step
+} gv_engine_hand;
+
+struct gv_engine {
+  gv_config cfg;
+  gv_config second_cfg;  // the same with the second hand in place of the first
+  const gv_scene *scene;
+  gv_arena arena;
+  gv_dynamics *dyn;
+  int hands;
+  gv_engine_hand hand[GV_HANDS];
   gv_broad broad;  // bounds of this step, pairs, warm starts
   bool in_joint[GV_MAX_OBJECTS];
   gv_rest rest;          // which objects are simulated
@@ -48,6 +57,13 @@ struct gv_engine {
 void gv_engine_put_to_rest(gv_engine *engine);
 // The same for one, from outside.
 void gv_engine_wake_object(gv_engine *engine, int object);
+
+// Has any hand been placed?
+static inline bool gv_engine_any_placed(const gv_engine *e) { return e->hand[0].placed || e->hand[1].placed; }
+// The body that a limb of either hand is.
+static inline int gv_engine_body_of_limb(const gv_engine *e, int limb) {
+  return e->hand[limb / GV_LIMBS].first_body + limb % GV_LIMBS;
+}
 
 // Broad phase, narrow phase and contacts of this step into engine->contact and solver_contact.
 void gv_engine_collide(gv_engine *engine);

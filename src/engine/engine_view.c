@@ -10,24 +10,26 @@ const gv_contact *gv_engine_contacts(const gv_engine *e, int *out_count) {
   *out_count = e->contact_count;
   return e->contact;
 }
-bool gv_engine_hand_placed(const gv_engine *e) { return e->placed; }
+int gv_engine_hands(const gv_engine *e) { return e->hands; }
+bool gv_engine_hand_placed(const gv_engine *e) { return e->hand[0].placed; }
 gv_pose gv_engine_limb_pose(const gv_engine *e, int limb) {
-  assert(limb >= 0 && limb < GV_LIMBS);
-  return gv_dynamics_state(e->dyn, limb)->T;
+  assert(limb >= 0 && limb < e->hands * GV_LIMBS);
+  return gv_dynamics_state(e->dyn, gv_engine_body_of_limb(e, limb))->T;
 }
 gv_pose gv_engine_driver_pose(const gv_engine *e, int limb) {
-  assert(limb >= 0 && limb < GV_LIMBS);
-  return e->driver[limb].T;
+  assert(limb >= 0 && limb < e->hands * GV_LIMBS);
+  return e->hand[limb / GV_LIMBS].driver[limb % GV_LIMBS].T;
 }
 void gv_engine_limb_velocity(const gv_engine *e, int limb, gv_vec3 *out_v, gv_vec3 *out_w) {
-  assert(limb >= 0 && limb < GV_LIMBS);
-  *out_v = gv_dynamics_state(e->dyn, limb)->v;
-  *out_w = gv_dynamics_state(e->dyn, limb)->w;
+  assert(limb >= 0 && limb < e->hands * GV_LIMBS);
+  *out_v = gv_dynamics_state(e->dyn, gv_engine_body_of_limb(e, limb))->v;
+  *out_w = gv_dynamics_state(e->dyn, gv_engine_body_of_limb(e, limb))->w;
 }
 void gv_engine_coupling(const gv_engine *e, int limb, gv_vec3 *out_f, gv_vec3 *out_t) {
-  assert(limb >= 0 && limb < GV_LIMBS);
-  *out_f = gv_neg(e->felt_f[limb]);
-  *out_t = gv_neg(e->felt_t[limb]);
+  assert(limb >= 0 && limb < e->hands * GV_LIMBS);
+  const gv_engine_hand *hand = &e->hand[limb / GV_LIMBS];
+  *out_f = gv_neg(hand->felt_f[limb % GV_LIMBS]);
+  *out_t = gv_neg(hand->felt_t[limb % GV_LIMBS]);
 }
 gv_pose gv_engine_object_pose(const gv_engine *e, int object) {
   assert(object >= 0 && object < e->scene->object_count);
@@ -39,8 +41,8 @@ void gv_engine_object_velocity(const gv_engine *e, int object, gv_vec3 *out_v, g
   *out_w = gv_dynamics_state(e->dyn, GV_LIMBS + object)->w;
 }
 gv_joint_state gv_engine_joint(const gv_engine *e, int joint) { return gv_dynamics_joint(e->dyn, joint); }
-const double *gv_engine_measured(const gv_engine *e) { return e->condition.target; }
-const double *gv_engine_angles(const gv_engine *e) { return e->angle; }
+const double *gv_engine_measured(const gv_engine *e) { return e->hand[0].condition.target; }
+const double *gv_engine_angles(const gv_engine *e) { return e->hand[0].angle; }
 void gv_engine_memory(const gv_engine *e, size_t *out_used, size_t *out_peak, size_t *out_size) {
   *out_used = e->arena.used;
   *out_peak = e->arena.peak;
@@ -79,9 +81,9 @@ int gv_engine_polygons(const gv_engine *e, gv_polygon_contact out[], int max) {
     const gv_contact *c = &e->contact[i];
     if (c->limb < 0 || !is_first_of_pair(e, i))
       continue;
-    const gv_pair pair = {&e->broad.limb_shape[c->limb], &gv_dynamics_state(e->dyn, c->limb)->T,
-                          &e->broad.piece_shape[c->piece],
-                          &gv_dynamics_state(e->dyn, GV_LIMBS + c->object)->T};
+    const gv_pair pair = {
+      &e->broad.limb_shape[c->limb], &gv_dynamics_state(e->dyn, gv_engine_body_of_limb(e, c->limb))->T,
+      &e->broad.piece_shape[c->piece], &gv_dynamics_state(e->dyn, GV_LIMBS + c->object)->T};
     int found = gv_polygon_depths(&pair, c->normal_world, 0.0, polygon, OF_PAIR);
     for (int k = 0; k < found && count < max; k++)
       out[count++] = (gv_polygon_contact){c->limb,         c->object,        c->piece,
@@ -97,14 +99,23 @@ static uint64_t fnv1a(uint64_t hash, const void *data, size_t size) {
   return hash;
 }
 
+static uint64_t add_condition(uint64_t hash, const gv_condition *c) {
+  hash = fnv1a(hash, c->angle, sizeof c->angle);
+  hash = fnv1a(hash, c->rate, sizeof c->rate);
+  hash = fnv1a(hash, &c->wrist, sizeof c->wrist);
+  hash = fnv1a(hash, &c->v, sizeof c->v);
+  hash = fnv1a(hash, c->pace, sizeof c->pace);
+  return fnv1a(hash, &c->w, sizeof c->w);
+}
+
 uint64_t gv_engine_hash(const gv_engine *e) {
   uint64_t hash = fnv1a(14695981039346656037ULL, &e->counters.steps, sizeof e->counters.steps);
   for (int i = 0; i < GV_LIMBS + e->scene->object_count; i++)
     hash = fnv1a(hash, gv_dynamics_state(e->dyn, i), sizeof(gv_body_state));
-  hash = fnv1a(hash, e->condition.angle, sizeof e->condition.angle);
-  hash = fnv1a(hash, e->condition.rate, sizeof e->condition.rate);
-  hash = fnv1a(hash, &e->condition.wrist, sizeof e->condition.wrist);
-  hash = fnv1a(hash, &e->condition.v, sizeof e->condition.v);
-  hash = fnv1a(hash, e->condition.pace, sizeof e->condition.pace);
-  return fnv1a(hash, &e->condition.w, sizeof e->condition.w);
+  hash = add_condition(hash, &e->hand[0].condition);
+  if (e->hands == 1)
+    return hash;
+  for (int i = GV_LIMBS; i < 2 * GV_LIMBS; i++)
+    hash = fnv1a(hash, gv_dynamics_state(e->dyn, gv_engine_body_of_limb(e, i)), sizeof(gv_body_state));
+  return add_condition(hash, &e->hand[1].condition);
 }

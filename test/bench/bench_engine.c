@@ -70,7 +70,7 @@ static void fail(const char *why) {
 static void keep_step(const gv_engine *e, const gv_sample *s, int step) {
   sample[step] = *s;
   drivers[step].placed = gv_engine_hand_placed(e);
-  memcpy(drivers[step].limb, e->driver, sizeof e->driver);
+  memcpy(drivers[step].limb, e->hand[0].driver, sizeof e->hand[0].driver);
 }
 
 // Runs the whole grasp through the session, as the daemon does, and keeps what the engine was given.
@@ -103,9 +103,9 @@ static int record(const gv_settings *settings, gv_engine *engine, int max) {
 static void write_drivers(const char *path, const gv_engine *e, int steps) {
   FILE *f = fopen(path, "wb");
   gv_bench_header header = {.steps = steps, .h = e->cfg.step_s};
-  memcpy(header.spring, e->spring, sizeof header.spring);
+  memcpy(header.spring, e->hand[0].spring, sizeof header.spring);
   memcpy(header.shape, e->broad.limb_shape, sizeof header.shape);
-  memcpy(header.inertia, e->limb_inertia, sizeof header.inertia);
+  memcpy(header.inertia, e->hand[0].limb_inertia, sizeof header.inertia);
   if (!f || fwrite(&header, sizeof header, 1, f) != 1 ||
       fwrite(drivers, sizeof *drivers, (size_t)steps, f) != (size_t)steps)
     fail(path);
@@ -117,9 +117,9 @@ static void print_vector(gv_vec3 v) { printf("[%.17g,%.17g,%.17g]", v.x, v.y, v.
 static void print_limbs(const gv_engine *e) {
   printf("\"limbs\":[");
   for (int i = 0; i < GV_LIMBS; i++) {
-    const gv_spring *s = &e->spring[i];
+    const gv_spring *s = &e->hand[0].spring[i];
     printf("%s{\"mass\":%.17g,\"inertia\":%.17g,\"radius\":%.17g,\"half\":", i ? "," : "",
-           s->mass_kg + s->added_mass_kg, e->limb_inertia[i] + s->added_inertia,
+           s->mass_kg + s->added_mass_kg, e->hand[0].limb_inertia[i] + s->added_inertia,
            e->broad.limb_shape[i].radius);
     print_vector(e->broad.limb_shape[i].half);
     printf("}");

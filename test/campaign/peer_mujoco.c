@@ -53,9 +53,9 @@ static void write_palm(FILE *f, const gv_engine *e, gv_vec3 half, double r) {
 }
 
 static void write_limb(FILE *f, const gv_engine *e, int i) {
-  const gv_spring *s = &e->spring[i];
+  const gv_spring *s = &e->hand[0].spring[i];
   const gv_shape *shape = &e->broad.limb_shape[i];
-  const double inertia = e->limb_inertia[i] + s->added_inertia;
+  const double inertia = e->hand[0].limb_inertia[i] + s->added_inertia;
   const double mass = s->mass_kg + s->added_mass_kg;
   fprintf(f,
           "<body name='limb%d' pos='0 0 %d'><freejoint/><inertial pos='0 0 0' mass='%.17g' "
@@ -212,7 +212,7 @@ static void place_body(mjData *d, int body, const gv_body_state *s) {
 
 static void place_hand(mjData *d, const gv_engine *e) {
   for (int i = 0; i < GV_LIMBS; i++) {
-    const gv_body_state at_rest = {e->driver[i].T, {0, 0, 0}, {0, 0, 0}};
+    const gv_body_state at_rest = {e->hand[0].driver[i].T, {0, 0, 0}, {0, 0, 0}};
     place_body(d, i, &at_rest);
   }
 }
@@ -223,9 +223,9 @@ static void pull_limbs(const peer *p, const gv_engine *e) {
   gv_vec3 f[GV_LIMBS], t[GV_LIMBS];
   for (int i = 0; i < GV_LIMBS; i++)
     sim[i] = limb_state(p->data, i);
-  gv_springs_apply(e->spring, sim, e->driver, f, t);
+  gv_springs_apply(e->hand[0].spring, sim, e->hand[0].driver, f, t);
   for (int i = 0; i < GV_LIMBS; i++) {
-    f[i].z -= (e->spring[i].mass_kg + e->spring[i].added_mass_kg) * p->model->opt.gravity[2];
+    f[i].z -= (e->hand[0].spring[i].mass_kg + e->hand[0].spring[i].added_mass_kg) * p->model->opt.gravity[2];
     store(&p->data->xfrc_applied[6 * (i + 1)], f[i]);
     store(&p->data->xfrc_applied[6 * (i + 1) + 3], t[i]);
   }
