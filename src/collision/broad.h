@@ -75,7 +75,8 @@ void gv_broad_bound_object(gv_broad *broad, int object);
 // Does the box of any limb meet the object's?
 bool gv_broad_hand_is_near(const gv_broad *broad, int object);
 
-// The list of pairs, from empty: the hands' first. Limbs have no pairs with limbs. moving: the objects that are simulated, in their order.
+// The list of pairs, from empty: the hands' first. Limbs have no pairs with limbs. moving: the objects that
+// are simulated, in their order.
 void gv_broad_list_none(gv_broad *broad);
 void gv_broad_list_hand(gv_broad *broad, int hand);
 void gv_broad_list_objects(gv_broad *broad, const int moving[], int moving_count);

@@ -26,7 +26,8 @@
 #include "base/body_state.h"
 #include "gloved/config.h"
 
-// A body in world axes. Numbers 0 to GV_LIMBS - 1, and those of a second hand, are limbs, whose inertia is the same about every axis.
+// A body in world axes. Numbers 0 to GV_LIMBS - 1, and those of a second hand, are limbs, whose inertia is
+// the same about every axis.
 typedef struct gv_problem_body {
   double mass;      // kg; 0: does not move (then inertia is not read, and v = w = 0)
   gv_mat3 inertia;  // kg m^2, about the centre of mass, world axes

@@ -89,7 +89,7 @@ static void add_contact(gv_engine *e, const gv_candidate *pair, const rub *rubbi
   solved->depth = k->depth;
   solved->friction = rubbing->friction;
   solved->mu = rubbing->mu;
-  solved->patch = pair->body_a < GV_LIMBS ? e->cfg.patch_m : 0.0;
+  solved->patch = gv_broad_is_limb(&e->broad, pair->body_a) ? e->cfg.patch_m : 0.0;
   if (k->depth > e->counters.depth_max_m)
     e->counters.depth_max_m = k->depth;
 }
