@@ -187,7 +187,7 @@ build/.service-packages: build/.run-packages
 .PHONY: test-service
 
 ## all: build the daemon, the tools and the tests
-all: $(B)/gloved $(TOOLS:%=$(B)/%) $(TESTS:%=$(B)/test/%) $(B)/test/bench_engine $(B)/test/bench_latency $(B)/test/soak $(B)/test/campaign_alone $(B)/test/zwidth_point
+all: $(B)/gloved $(TOOLS:%=$(B)/%) $(TESTS:%=$(B)/test/%) $(B)/test/bench_engine $(B)/test/bench_latency $(B)/test/soak $(B)/test/campaign_alone $(B)/test/zwidth_point $(B)/test/report_grasp
 
 # Meshes that become scenes (about 5 s each, the full bunny 20 s): things of our own, and Debian's bunny.
 # gloved-scene and gloved-shapes make the virtual environment that they need. Masses in kilograms.
@@ -364,6 +364,18 @@ zwidth: build/venv-campaign/.done build/venv-plot/.done
 	$(Q)$(if $(MORE),,cp build/zwidth/zwidth.csv data/bench/ && cp build/zwidth/zwidth-*.png data/pictures/)
 .PHONY: zwidth
 
+# What it reads of data/bench is of `make bench` on a quiet machine; everything else runs here, in virtual time.
+SEEDS    ?= 16
+## report: the paper's tests with every preset and both devices, stiffer couplings, beside the paper, MuJoCo, Bullet; makes doc/report.md (SEEDS=16; times are of the last make bench)
+report: build/venv-campaign/.done build/venv-plot/.done build/scenes/bunny250.scene build/scenes/bunny.scene
+	$(Q)$(MAKE) --no-print-directory $(B)/test/report_grasp
+	@mkdir -p build/report
+	$(Q)build/venv-campaign/bin/snakemake --snakefile test/report/Snakefile --directory build/report --quiet rules host --nolock --rerun-incomplete \
+	  $(if $(PROFILE),--profile $(PROFILE),--cores $(JOBS)) --config root=$(CURDIR) worker=$(abspath $(B))/test/report_grasp seeds=$(SEEDS)
+	$(Q)build/venv-plot/bin/python test/report/report.py build/report
+	$(Q)build/venv-plot/bin/python test/report/plots.py
+.PHONY: report
+
 # Everything with Clang's fuzzer and sanitizers in it, in a build directory of its own.
 FUZZ     := $(basename $(notdir $(wildcard test/fuzz/fuzz_*.c)))
 FUZZ_S   ?= 600
@@ -473,6 +485,8 @@ $(B)/test/bench_pairs: $(B)/test/bench/bench_pairs.o test/bench/bench_coal.cc te
 $(B)/test/zwidth_point: $(B)/test/zwidth/zwidth.o $(LIB)
 	@mkdir -p $(@D)
 	$(Q)$(CC) $(LDFLAGS) $^ $(LDLIBS) -o $@
+
+$(B)/test/report_grasp: $(B)/test/report/report_grasp.o $(LIB)
 # Test programs lie side by side in $(B)/test, whatever folder their source is in.
 define test_program
 $(B)/test/$(basename $(notdir $1)): $(B)/$(1:.c=.o) $(LIB)
@@ -480,7 +494,7 @@ endef
 $(foreach source,$(wildcard test/*/test_*.c test/support/*_pipe.c),$(eval $(call test_program,$(source))))
 # The solvers' answers pass through the test.
 $(B)/test/test_coulomb $(B)/test/test_grasp: LDFLAGS += -Wl,--wrap=gv_choice_solve
-$(TESTS:%=$(B)/test/%):
+$(TESTS:%=$(B)/test/%) $(B)/test/report_grasp:
 	@mkdir -p $(@D)
 	$(Q)$(CC) $(LDFLAGS) $^ $(LDLIBS) -o $@
 
