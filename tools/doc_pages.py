@@ -34,6 +34,7 @@ GROUPS = {
     "": ("At the top of the file", "What runs, and with what. Options of the command line win over these."),
     "realtime": ("realtime", "How the loop lives on this machine: `doc/real-time.md`."),
     "filter": ("filter", "What becomes of the samples before the hand follows them: `doc/tuning.md`."),
+    "finger": ("finger", "The user's fingers, as a tension bends them: `doc/tuning.md`."),
     "coupling": ("coupling", "Spring and damper between the measured hand and the simulated one (Eqn 1 to 4 of the paper)."),
     "coupling.limb": ("coupling.limb", "Of each of the fifteen finger limbs; inside `coupling`, as `limb = { ... };`."),
     "coupling.palm": ("coupling.palm", "Of the palm; inside `coupling`, as `palm = { ... };`."),

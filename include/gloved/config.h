@@ -41,6 +41,16 @@ typedef struct gv_second_hand {
   gv_pose T_receiver_wrist;
 } gv_second_hand;
 
+// The user's fingers between intention and glove: springs with mass at the three flexion joints of each,
+// from proximal to distal. Observed: the bend that the commanded tension makes is added at once, and what the
+// glove shows of it later is taken off again. At rest the angle is the glove's, however wrong these are.
+typedef struct gv_finger_model {
+  bool observed;
+  double stiffness[3];  // N m/rad
+  double inertia[3];    // kg m^2
+  double damping_ratio;
+} gv_finger_model;
+
 typedef struct gv_config {
   double step_s;    // integration step h
   double period_s;  // of the loop that calls the step: the solvers' time is a share of it;
@@ -64,6 +74,7 @@ typedef struct gv_config {
   double gate_m_s;          // the same for the tracker's position (its orientation goes by gate_rad_s)
   double prediction_s;      // extrapolate the filtered hand by this much along its velocity; 0: off,
                             // as without the filter
+  gv_finger_model finger;    // what is known of the user's fingers
   double operations_per_s;  // counted operations of collision detection that this machine does in a
                             // second: the process measures it at start, a replay takes the default,
                             // so that it does not depend on the machine

@@ -22,7 +22,7 @@ gv_config gv_config_stock(void);
 // The same with the paper's Tables 1 and 2 in the reading of DESIGN.md ("Preset paper").
 gv_config gv_config_paper(void);
 // What a user may set of it, but for the hand's measures and poses (src/engine/config.c).
-enum { GV_ENGINE_SETTINGS = 33 };
+enum { GV_ENGINE_SETTINGS = 41 };
 extern const gv_setting gv_engine_settings[GV_ENGINE_SETTINGS];
 // Null when sound, otherwise the name of the first field that is not finite or out of range.
 const char *gv_config_check(const gv_config *cfg);

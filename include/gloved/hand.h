@@ -129,6 +129,8 @@ typedef struct gv_sample {
   double raw[GV_SENSORS];
   gv_pose T_world_receiver;
   bool glove_new, pose_new;
+  double tension_n[GV_FINGERS];  // what the device was told to pull with since the last step, 0 or more;
+                                 // read where the fingers are observed (gv_finger_model)
 } gv_sample;
 
 #ifdef __cplusplus

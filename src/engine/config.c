@@ -20,6 +20,7 @@ gv_config gv_config_default(void) {
     .filter_rest_hz = 1.0,
     .gate_rad_s = 32.0,
     .gate_m_s = 5.0,
+    .finger = {false, {1.5, 0.8, 0.4}, {3e-4, 1e-4, 3e-5}, 1.0},
     .operations_per_s = 3e8,  // 2.8 ns each were measured; less on an old machine
     .narrow = GV_NARROW_CORE,
     .mu_hand = 0.8,
@@ -98,6 +99,17 @@ const gv_setting gv_engine_settings[GV_ENGINE_SETTINGS] = {
   NUMBER("filter", "prediction_s", prediction_s, 0, 0.1,
          "lead the hand along its velocity: takes back delay, adds noise; 0.011 undoes 30 Hz;\n"
          "only with the filter"),
+  BOOL("finger", "observer", finger.observed,
+       "foresee how a tension bends the user's finger: for couplings that are stiffer than the\n"
+       "finger, where glove and wire are slow"),
+  NUMBER("finger", "stiffness_0", finger.stiffness[0], 0.01, 100,
+         "N m/rad, from the knuckle on; a finger held lightly is 184 N/m along its tendon"),
+  NUMBER("finger", "stiffness_1", finger.stiffness[1], 0.01, 100, ""),
+  NUMBER("finger", "stiffness_2", finger.stiffness[2], 0.01, 100, ""),
+  NUMBER("finger", "inertia_0", finger.inertia[0], 1e-06, 1, "kg m^2"),
+  NUMBER("finger", "inertia_1", finger.inertia[1], 1e-06, 1, ""),
+  NUMBER("finger", "inertia_2", finger.inertia[2], 1e-06, 1, ""),
+  NUMBER("finger", "damping_ratio", finger.damping_ratio, 0, 10, "of each joint; 1: critical"),
   CHOICE("coupling", "rotation_law", rotation_law, rotation_laws,
          "torque along the rotation vector; \"paper\": Eqn 3 and 4, fading beyond 90 degrees"),
   BOOL("coupling", "limb_gravity", limb_gravity, "the limbs have weight"),

@@ -210,6 +210,7 @@ static uint32_t refusal_events(unsigned why) {
 
 static void take_sample(gv_engine *e, gv_engine_hand *hand, const gv_sample *sample) {
   hand->events = 0;
+  gv_condition_pull(&hand->condition, hand->cfg, sample->tension_n);
   if (sample->glove_new || sample->pose_new) {
     e->counters.samples++;
     int refused = gv_condition_sample(&hand->condition, hand->cfg, sample, &e->counters.angles_limited);

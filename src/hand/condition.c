@@ -95,8 +95,10 @@ static bool gate_joint(gv_condition *c, int i, double value, double gate) {
   const bool agrees = !(gate > 0.0) || fabs(value - c->target[i]) <= gate;
   c->holding[i] = !agrees && !(c->holding[i] && fabs(value - c->held[i]) <= gate);
   c->held[i] = value;
-  if (!c->holding[i])
+  if (!c->holding[i]) {
     c->target[i] = value;
+    c->shown[i] = c->bend[i];
+  }
   return c->holding[i];
 }
 
@@ -210,11 +212,12 @@ static const gv_decay *corner_at(const gv_condition *c, double corner) {
 }
 
 static void step_joint(gv_condition *c, int i) {
-  const double e = c->angle[i] - c->target[i];
+  const double target = c->target[i] - c->shown[i];
+  const double e = c->angle[i] - target;
   const double v = c->rate[i];
   c->pace[i] += c->pace_share * (v - c->pace[i]);
   const gv_decay *d = corner_at(c, c->corner_per_rad_s * fabs(c->pace[i]));
-  c->angle[i] = c->target[i] + (d->ee * e + d->ev * v);
+  c->angle[i] = target + (d->ee * e + d->ev * v);
   c->rate[i] = d->ve * e + d->vv * v;
 }
 
@@ -226,6 +229,13 @@ static void step_vector(const gv_condition *c, double corner_per_speed, gv_vec3 
   const gv_decay *d = corner_at(c, corner_per_speed * gv_norm(*pace));
   *e = gv_mad(gv_scale(e0, d->ee), d->ev, *v);
   *v = gv_mad(gv_scale(e0, d->ve), d->vv, *v);
+}
+
+void gv_condition_pull(gv_condition *c, const gv_config *cfg, const double tension_n[GV_FINGERS]) {
+  if (!cfg->finger.observed)
+    return;
+  gv_fingers_step(&c->fingers, &cfg->finger, tension_n, cfg->step_s);
+  gv_fingers_bend(&c->fingers, c->bend);
 }
 
 void gv_condition_step(gv_condition *c, const gv_config *cfg) {
@@ -249,7 +259,7 @@ void gv_condition_output(const gv_condition *c, const gv_config *cfg, double out
   // without the filter a rate is a whole sample's step over one period
   const double lead = c->smooth ? cfg->prediction_s : 0.0;
   for (int i = 0; i < GV_SENSORS; i++)
-    out_angle_rad[i] = gv_clamp(c->angle[i] + lead * c->rate[i], cfg->hand.angle_min_rad[i],
+    out_angle_rad[i] = gv_clamp(c->angle[i] + lead * c->rate[i] + c->bend[i], cfg->hand.angle_min_rad[i],
                                 cfg->hand.angle_max_rad[i]);
   *out_wrist = c->wrist;
   if (!(lead > 0.0))

@@ -10,6 +10,7 @@
 #define GLOVED_HAND_CONDITION_H
 
 #include "gloved/config.h"
+#include "hand/finger.h"
 
 enum { GV_CORNERS = 256 };  // of the filter, evenly from rest to filter_hz; 1 costs 32 B
 
@@ -29,6 +30,9 @@ typedef struct gv_condition {
   double angle[GV_SENSORS];   // filtered joint angles, rad
   double rate[GV_SENSORS];    // and their rates, rad/s
   double target[GV_SENSORS];  // last accepted sample
+  gv_fingers fingers;         // of the user, where they are observed
+  double bend[GV_SENSORS];    // of theirs by the tensions, now; added to what is filtered
+  double shown[GV_SENSORS];   // the same as it was when the target was accepted, taken off it
   double held[GV_SENSORS];    // a jump waiting for a second opinion
   bool holding[GV_SENSORS];
   gv_pose wrist;  // filtered T_world_wrist
@@ -52,6 +56,8 @@ void gv_condition_init(gv_condition *c, const gv_config *cfg);
 // Take a sample in. Returns how many of its parts were held back (joints, pose) or refused; adds to *limited
 // the readings beyond the anatomy.
 int gv_condition_sample(gv_condition *c, const gv_config *cfg, const gv_sample *sample, uint64_t *limited);
+// The tensions of this step act on the observed fingers. Without observer: nothing.
+void gv_condition_pull(gv_condition *c, const gv_config *cfg, const double tension_n[GV_FINGERS]);
 // One step of cfg->step_s. Nothing moves before both glove and pose were seen.
 void gv_condition_step(gv_condition *c, const gv_config *cfg);
 // Where the hand is taken to be: the filtered values, led by prediction_s along their velocity.

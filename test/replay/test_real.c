@@ -5,9 +5,12 @@
 // simulated device, the session, the engine.
 //
 //   test_real                        16 seeds of every grasp
-//   test_real SCRIPT k_f [best] [moving] [passivity] [NAME=VALUE...]
-//                                    one grasp on 16 seeds with another stiffness and device settings, with
-//                                    or without passivity controller: a line a seed
+//   test_real SCRIPT k_f [best] [moving] [passivity] [observer] [NAME=VALUE...]
+//                                    one grasp on 16 seeds with another stiffness, settings of the device and
+//                                    of the sample filter (corner_hz, rest_hz), with or without passivity
+//                                    controller and observer of the fingers: a line a seed. `error`: rms of
+//                                    the force's movement against that of the same user with a perfect glove
+#include <assert.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -36,6 +39,28 @@ static const grasp grasps[] = {
 };
 enum { GRASPS = sizeof grasps / sizeof grasps[0] };
 
+static gv_finger_model finger_of(const gv_sim_device *d) {
+  return (gv_finger_model){.observed = true,
+                           .stiffness = {d->stiffness_0, d->stiffness_1, d->stiffness_2},
+                           .inertia = {d->inertia_0, d->inertia_1, d->inertia_2},
+                           .damping_ratio = d->damping_ratio};
+}
+
+static void give_user(gv_sim_device *to, const gv_sim_device *from) {
+  to->stiffness_0 = from->stiffness_0;
+  to->stiffness_1 = from->stiffness_1;
+  to->stiffness_2 = from->stiffness_2;
+  to->inertia_0 = from->inertia_0;
+  to->inertia_1 = from->inertia_1;
+  to->inertia_2 = from->inertia_2;
+  to->damping_ratio = from->damping_ratio;
+  to->sway_rad = from->sway_rad;
+  to->sway_m = from->sway_m;
+  to->sway_hz = from->sway_hz;
+  to->tremor_rad = from->tremor_rad;
+  to->tremor_hz = from->tremor_hz;
+}
+
 // Mean pose in the palm, over a second: of the object's point that the hand holds, and of its orientation.
 typedef struct place {
   gv_vec3 grip_m, turn_rad;  // turn: from the first pose while held
@@ -47,6 +72,7 @@ typedef struct measures {
   double turn_rad;    // likewise of the orientation
   double lift_m;      // least height above the start
   double felt_std_n;  // largest of the five fingers' force, while held
+  double felt_error_n;  // rms, likewise, of its deviation from what the reference felt; 0: none was run
   double felt_mean_n[GV_FINGERS];
 } measures;
 
@@ -180,10 +206,31 @@ static void add_forces(felt *f) {
   }
 }
 
+// The force at every step while held, for comparing two runs of one user. The user's sway and tremor do not
+// depend on the device, so at one time both mean to be at the same angles.
+enum { RECORDED = 50000 };
+static double reference_n[RECORDED][GV_FINGERS], felt_n[RECORDED][GV_FINGERS];
+static bool referred;
+
+// Rms of the force's movement against the reference's. Means apart: a glove's offset and gain shift them.
+static double force_error(int steps, int finger) {
+  double sum = 0.0;
+  double sum2 = 0.0;
+  for (int i = 0; i < steps; i++) {
+    const double error = felt_n[i][finger] - reference_n[i][finger];
+    sum += error;
+    sum2 += error * error;
+  }
+  const double mean = sum / steps;
+  return sqrt(fmax(0.0, sum2 / steps - mean * mean));
+}
+
 static void tell_forces(const felt *f, int steps, measures *m) {
   for (int i = 0; i < GV_FINGERS; i++) {
     const double mean = f->sum[i] / steps;
     m->felt_mean_n[i] = mean;
+    if (referred)
+      m->felt_error_n = fmax(m->felt_error_n, force_error(steps, i));
     m->felt_std_n = fmax(m->felt_std_n, sqrt(fmax(0.0, f->sum2[i] / steps - mean * mean)));
   }
 }
@@ -211,6 +258,8 @@ static bool run(const grasp *g, const gv_sim_device *device, uint64_t seed, meas
     if (now_ns < held_from_ns)
       continue;
     const gv_pose T_palm_object = object_in_palm(engine, object);
+    assert(held < RECORDED);
+    memcpy(felt_n[held], session.force_n, sizeof felt_n[held]);
     if (held++ == 0) {
       held_at = T_palm_object;
       grip = find_grip(engine, object);
@@ -232,24 +281,43 @@ static bool run(const grasp *g, const gv_sim_device *device, uint64_t seed, meas
 
 typedef struct tally {
   int held;
-  double way_m, slip_m, turn_rad, felt_std_n;  // largest of the seeds that held
+  double way_m, slip_m, turn_rad, felt_std_n, felt_error_n;  // largest of the seeds that held
 } tally;
 
 static bool is_held(const measures *m) { return m->lift_m > 0.05; }
 
+// What the same user would have felt with a perfect glove: that of `best`, no wire in between, the sample
+// filter 3 ms late, and an observer that is right.
+static bool run_reference(const grasp *g, const gv_sim_device *device, uint64_t seed, measures *m) {
+  gv_sim_device best = gv_sim_device_best();
+  const gv_config used = settings.engine;
+  give_user(&best, device);
+  settings.engine.filter_hz = 100.0;
+  settings.engine.filter_rest_hz = 0.0;
+  settings.engine.finger = finger_of(device);
+  referred = false;
+  const bool ran = run(g, &best, seed, m);
+  settings.engine = used;
+  memcpy(reference_n, felt_n, sizeof reference_n);
+  return ran;
+}
+
 static tally run_seeds(const grasp *g, const gv_sim_device *device, bool each) {
   tally t = {0};
   for (uint64_t seed = 1; seed <= SEEDS; seed++) {
-    measures m;
+    measures m, perfect = {0};
+    if (each && !run_reference(g, device, seed, &perfect))
+      return t;
+    referred = each;
     if (!run(g, device, seed, &m))
       return t;
     if (each)
       printf(
-          "seed %2d %-7s slip %8.4f mm, turn %.3f deg, way %8.4f mm, force std %.4f N, means %.2f %.2f %.2f "
-          "%.2f %.2f\n",
+          "seed %2d %-7s slip %8.4f mm, turn %.3f deg, way %8.4f mm, force std %.4f N, error %.4f N "
+          "(reference std %.4f N), means %.2f %.2f %.2f %.2f %.2f\n",
           (int)seed, is_held(&m) ? "held" : "DROPPED", m.slip_m * 1e3, m.turn_rad * deg, m.way_m * 1e3,
-          m.felt_std_n, m.felt_mean_n[0], m.felt_mean_n[1], m.felt_mean_n[2], m.felt_mean_n[3],
-          m.felt_mean_n[4]);
+          m.felt_std_n, m.felt_error_n, perfect.felt_std_n, m.felt_mean_n[0], m.felt_mean_n[1],
+          m.felt_mean_n[2], m.felt_mean_n[3], m.felt_mean_n[4]);
     if (!is_held(&m))
       continue;
     t.held++;
@@ -257,6 +325,7 @@ static tally run_seeds(const grasp *g, const gv_sim_device *device, bool each) {
     t.slip_m = fmax(t.slip_m, m.slip_m);
     t.turn_rad = fmax(t.turn_rad, m.turn_rad);
     t.felt_std_n = fmax(t.felt_std_n, m.felt_std_n);
+    t.felt_error_n = fmax(t.felt_error_n, m.felt_error_n);
   }
   return t;
 }
@@ -347,6 +416,63 @@ static void test_passivity_controller_holds_what_swings(void) {
   CHECK(given_j[1] < 0.5 * given_j[0], "%g J without, %g J with it", given_j[0], given_j[1]);
 }
 
+// Settings of the sample filter by their names in the configuration's section [filter]; others: null.
+static double *filter_setting(const char *name) {
+  if (strcmp(name, "corner_hz") == 0)
+    return &settings.engine.filter_hz;
+  if (strcmp(name, "rest_hz") == 0)
+    return &settings.engine.filter_rest_hz;
+  if (strcmp(name, "prediction_s") == 0)
+    return &settings.engine.prediction_s;
+  return NULL;
+}
+
+// The observer in the loop: at 2000 N/m a pinch falls without it. With a finger twice as soft or as firm as
+// taken, half of the seeds are enough to see that it is not worse than without.
+static void try_observer(double firmer, int from, int to, int *out_held, double *out_std_n) {
+  gv_sim_device device = gv_sim_device_real();
+  const gv_finger_model taken = settings.engine.finger;
+  device.stiffness_0 *= firmer;
+  device.stiffness_1 *= firmer;
+  device.stiffness_2 *= firmer;
+  device.inertia_0 *= firmer;
+  device.inertia_1 *= firmer;
+  device.inertia_2 *= firmer;
+  referred = false;
+  for (int on = 0; on < 2; on++) {
+    out_held[on] = 0;
+    out_std_n[on] = 0.0;
+    settings.engine.finger.observed = on;
+    for (int seed = from; seed <= to; seed++) {
+      measures m;
+      if (!run(&grasps[1], &device, (uint64_t)seed, &m))
+        break;
+      out_held[on] += is_held(&m);
+      out_std_n[on] = fmax(out_std_n[on], is_held(&m) ? m.felt_std_n : 0.0);
+    }
+    printf("figure pinch_box at %g N/m, device=real, finger %g times as firm as taken, observer %s: held on "
+           "%d of %d seeds, force std at most %.4f N\n",
+           settings.engine.limb.k_f, firmer, on ? "on" : "off", out_held[on], to - from + 1, out_std_n[on]);
+  }
+  settings.engine.finger = taken;
+}
+
+static void test_observer_is_quiet_where_the_loop_swings(void) {
+  const double k_f = settings.engine.limb.k_f;
+  int held[2];
+  double std_n[2];
+  settings.engine.limb.k_f = 2000.0;
+  try_observer(1.0, 1, 4, held, std_n);
+  CHECK(held[0] <= 1 && held[1] == 4 && std_n[1] < 0.05, "%d without, %d with it, %g N", held[0], held[1],
+        std_n[1]);
+  for (double firmer = 0.5; firmer <= 2.0; firmer *= 4.0) {
+    try_observer(firmer, 1, 2, held, std_n);
+    CHECK(held[1] == 2 && std_n[1] < 0.1, "finger %g times as firm: %d held, %g N", firmer, held[1],
+          std_n[1]);
+  }
+  settings.engine.limb.k_f = k_f;
+}
+
 static int try_one(int argc, char **argv) {
   gv_sim_device device = gv_sim_device_real();
   char err[256] = "";
@@ -360,9 +486,16 @@ static int try_one(int argc, char **argv) {
       settings.passivity.controller = GV_PASSIVITY_ON;
     if (strcmp(argv[i], "moving") == 0)
       make_user_move(&device, 0.03);
+    if (strcmp(argv[i], "observer") == 0)
+      settings.engine.finger.observed = true;
     if (!equals)
       continue;
     snprintf(name, sizeof name, "%.*s", (int)(equals - argv[i]), argv[i]);
+    double *const filter = filter_setting(name);
+    if (filter) {
+      *filter = atof(equals + 1);
+      continue;
+    }
     if (gv_sim_device_set(&device, name, equals + 1, err, sizeof err)) {
       fprintf(stderr, "%s\n", err);
       return 2;
@@ -386,5 +519,6 @@ int main(int argc, char **argv) {
   }
   RUN(test_energy_is_that_of_the_frames);
   RUN(test_passivity_controller_holds_what_swings);
+  RUN(test_observer_is_quiet_where_the_loop_swings);
   return check_done();
 }

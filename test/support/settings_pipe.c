@@ -23,7 +23,7 @@ static void print_row(const gv_setting *s, const void *configuration) {
 
 int main(void) {
   static const char *const groups[] = {
-    "",        "realtime", "filter",   "coupling", "coupling.limb", "coupling.palm",
+    "",        "realtime", "filter", "finger",   "coupling", "coupling.limb", "coupling.palm",
     "contact", "solver",   "override", "limiter",  "safety",        "passivity"};
   static gv_settings settings;
   gv_settings_default(&settings);

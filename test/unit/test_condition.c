@@ -6,6 +6,7 @@
 #include <string.h>
 
 #include "gloved/engine.h"
+#include "gloved/force.h"
 #include "hand/condition.h"
 #include "support/check.h"
 
@@ -380,7 +381,94 @@ static void test_recorded_hands(void) {
         "%d held, %d jumps", filtered.held, filtered.jumps);
 }
 
+// A hand that means to stay at 0.5 rad, measured exactly by a glove that is 20 ms late; its index finger is
+// pulled with 2 N from 0.1 s on and is firmer than taken by `firmer`. The angle of its PIJ at the end, and
+// early, 20 ms after the pull began.
+static double hold_against_2_n(bool observed, double firmer, double *out_early) {
+  enum { LATE = 20, STEPS = 3000, FROM = 100 };
+  double angle[GV_SENSORS] = {0};
+  double out[GV_SENSORS];
+  double late[LATE] = {0};
+  gv_fingers user = {0};
+  gv_pose wrist;
+  start();
+  cfg.finger.observed = observed;
+  gv_finger_model real = cfg.finger;
+  for (int j = 0; j < 3; j++) {
+    real.stiffness[j] *= firmer;
+    real.inertia[j] *= firmer;
+  }
+  for (int i = 0; i < STEPS; i++) {
+    const double tension_n[GV_FINGERS] = {0.0, i >= FROM ? 2.0 : 0.0, 0.0, 0.0, 0.0};
+    double bend[GV_SENSORS];
+    gv_fingers_step(&user, &real, tension_n, h);
+    gv_fingers_bend(&user, bend);
+    for (int k = 0; k < GV_SENSORS; k++)
+      angle[k] = k == GV_INDEX_PIJ ? 0.5 + late[i % LATE] : 0.1;
+    late[i % LATE] = bend[GV_INDEX_PIJ];
+    const gv_sample s = glove_at(angle);
+    gv_condition_pull(&c, &cfg, tension_n);
+    gv_condition_sample(&c, &cfg, &s, &limited);
+    gv_condition_step(&c, &cfg);
+    gv_condition_output(&c, &cfg, out, &wrist);
+    if (i == FROM + LATE - 1)
+      *out_early = out[GV_INDEX_PIJ];
+  }
+  return out[GV_INDEX_PIJ];
+}
+
+// 2 N on an arm of 38 mm bend 0.8 N m/rad by 95 mrad.
+static void test_an_observed_finger_gives_way_before_the_glove_says_so(void) {
+  double blind, seen;
+  const double blind_end = hold_against_2_n(false, 1.0, &blind);
+  const double seen_end = hold_against_2_n(true, 1.0, &seen);
+  CHECK(fabs(blind - 0.5) < 1e-3, "without observer %g rad before the glove shows it", blind);
+  CHECK(seen < 0.5 - 0.04, "with it %g rad", seen);
+  CHECK(fabs(blind_end - 0.405) < 2e-3 && fabs(seen_end - blind_end) < 2e-3, "at rest %g and %g rad",
+        blind_end, seen_end);
+}
+
+static void test_a_wrong_finger_ends_where_the_glove_has_it(void) {
+  for (double firmer = 0.5; firmer <= 2.0; firmer *= 2.0) {
+    double early;
+    const double end = hold_against_2_n(true, firmer, &early);
+    CHECK(fabs(end - (0.5 - 0.095 / firmer)) < 2e-3, "%g times as firm: %g rad at rest", firmer, end);
+  }
+}
+
+// What the tension puts into the observed finger, its pull times how the finger gives way, never comes out
+// again as more.
+static void test_an_observed_finger_makes_no_energy(void) {
+  const double ratio[] = {0.0, 0.1, 1.0, 10.0};
+  for (int r = 0; r < 4; r++) {
+    gv_fingers fingers = {0};
+    gv_finger_model model = gv_config_default().finger;
+    double in_j = 0.0;
+    double least_j = 0.0;
+    double before_m = 0.0;
+    uint32_t random = 1;
+    model.damping_ratio = ratio[r];
+    for (int i = 0; i < 20000; i++) {
+      random = random * 1664525u + 1013904223u;
+      const double pull_n = i % 7 == 0 ? 12.0 * (random >> 8) / 16777216.0 : 12.0 * (i % 100 < 50);
+      const double tension_n[GV_FINGERS] = {pull_n, pull_n, pull_n, pull_n, pull_n};
+      double bend[GV_SENSORS];
+      double way_m[GV_FINGERS];
+      gv_fingers_step(&fingers, &model, tension_n, h);
+      gv_fingers_bend(&fingers, bend);
+      gv_tendon_way(bend, way_m);
+      in_j -= pull_n * (way_m[1] - before_m);
+      before_m = way_m[1];
+      least_j = fmin(least_j, in_j);
+    }
+    CHECK(least_j >= 0.0 && isfinite(in_j), "damping ratio %g: %g J came out", ratio[r], -least_j);
+  }
+}
+
 int main(void) {
+  RUN(test_an_observed_finger_gives_way_before_the_glove_says_so);
+  RUN(test_a_wrong_finger_ends_where_the_glove_has_it);
+  RUN(test_an_observed_finger_makes_no_energy);
   RUN(test_a_ramp_is_delayed_as_stated);
   RUN(test_prediction_takes_the_delay_back);
   RUN(test_a_sensor_that_flips_between_counts_is_still);

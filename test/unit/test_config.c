@@ -66,6 +66,7 @@ static void test_example_equals_the_defaults(void) {
   SAME(engine.finger_joints);
   SAME(engine.filter_hz);
   SAME(engine.filter_rest_hz);
+  SAME(engine.finger);
   SAME(engine.gate_rad_s);
   SAME(engine.gate_m_s);
   SAME(engine.prediction_s);

@@ -192,6 +192,7 @@ int gv_settings_print(FILE *out) {
              "forward, y right, z down.\n",
              &s.T_world_tracker, "quaternion w, x, y, z: half a turn about x");
   print_group(out, "filter", "# What becomes of the samples before the hand follows them.\n", "", &s);
+  print_group(out, "finger", "# The user's fingers, as a tension bends them.\n", "", &s);
   print_group(
       out, "coupling",
       "# Spring and damper between the measured hand and the simulated one (Eqn 1 and 2 of the paper).\n", "",

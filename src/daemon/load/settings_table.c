@@ -123,8 +123,8 @@ static void read_spring(gv_conf_group *coupling, const char *key, const char *gr
 }
 
 void gv_settings_read_groups(gv_conf_group *root, gv_settings *out) {
-  static const char *const groups[] = {"realtime", "filter",  "coupling", "contact",  "solver",
-                                       "override", "limiter", "safety",   "passivity"};
+  static const char *const groups[] = {"realtime", "filter",   "finger",  "coupling", "contact",
+                                       "solver",   "override", "limiter", "safety",   "passivity"};
   for (size_t i = 0; i < sizeof groups / sizeof *groups; i++) {
     gv_conf_group group;
     if (gv_conf_is_text(gv_conf_find(root, groups[i])) && strcmp(groups[i], "solver") == 0)

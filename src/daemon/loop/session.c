@@ -223,6 +223,7 @@ static void fill_sample(gv_session *session) {
   for (int i = 0; i < GV_SENSORS; i++)
     session->sample.raw[i] = session->glove.raw[i];
   session->sample.T_world_receiver = session->hand.T_world_receiver;
+  memcpy(session->sample.tension_n, session->force_n, sizeof session->sample.tension_n);
 }
 
 static bool all_finite(const double value[GV_FINGERS]) {
