@@ -168,8 +168,7 @@ static int body_of(const gv_broad *broad, int l) {
   return l < GV_LIMBS ? l : broad->second_hand + l - GV_LIMBS;
 }
 
-static void bound_limb(gv_broad *broad, int l) {
-  const int body = body_of(broad, l);
+static void bound_limb(gv_broad *broad, int l, int body) {
   const gv_shape *shape = &broad->limb_shape[l];
   const gv_body_state *s = &broad->predicted[body];
   gv_vec3 *axis = broad->limb_axis[l];
@@ -188,8 +187,9 @@ static void bound_limb(gv_broad *broad, int l) {
 void gv_broad_bound_limbs(gv_broad *broad, int hand) {
   assert(hand >= 0 && hand < broad->hands);
   const int first = hand * GV_LIMBS;
-  for (int l = first; l < first + GV_LIMBS; l++)
-    bound_limb(broad, l);
+  const int first_body = body_of(broad, first);
+  for (int i = 0; i < GV_LIMBS; i++)
+    bound_limb(broad, first + i, first_body + i);
   broad->hand_box[hand] = broad->limb_box[first];
   for (int l = first + 1; l < first + GV_LIMBS; l++)
     join(&broad->hand_box[hand], &broad->limb_box[l]);

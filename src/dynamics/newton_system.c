@@ -17,6 +17,11 @@ static bool is_limb(const gv_problem *problem, int body) {
   return body < GV_LIMBS || (problem->second_hand > 0 && body >= problem->second_hand);
 }
 
+// Where the limbs of a second hand begin; the number of bodies where there is none.
+static int second_hand(const gv_problem *problem) {
+  return problem->second_hand > 0 ? problem->second_hand : problem->body_count;
+}
+
 static void add_node(gv_newton *s, const gv_problem *problem, int body) {
   assert(body >= 0 && body < problem->body_count);
   const gv_problem_body *b = &problem->body[body];
@@ -31,9 +36,10 @@ static void add_node(gv_newton *s, const gv_problem *problem, int body) {
 
 // The one body that each limb touches, which itself must not be a leaf. A limb in a row is none.
 static void find_partners(const gv_newton *s, const gv_problem *problem, int out_partner[GV_BODIES]) {
-  for (int i = 0; i < problem->body_count; i++)
-    if (is_limb(problem, i))
-      out_partner[i] = NOBODY;
+  for (int i = 0; i < GV_LIMBS; i++)
+    out_partner[i] = NOBODY;
+  for (int i = second_hand(problem); i < problem->body_count; i++)
+    out_partner[i] = NOBODY;
   for (int i = 0; i < s->count; i++) {
     const gv_problem_contact *c = &problem->contact[i];
     const int other = problem->body[c->body_b].mass > 0.0 ? c->body_b : STATIC;
@@ -53,7 +59,9 @@ static void find_partners(const gv_newton *s, const gv_problem *problem, int out
   }
 }
 
-static void add_leaf(gv_newton *s, const gv_problem *problem, int body, int partner) {
+static void add_if_leaf(gv_newton *s, const gv_problem *problem, int body, int partner) {
+  if (partner == MANY || partner == NOBODY || !(problem->body[body].mass > 0.0))
+    return;
   add_node(s, problem, body);
   gv_newton_limb *limb = &s->limb[s->limbs++];
   limb->node = s->node_of[body];
@@ -82,9 +90,10 @@ static void make_nodes(gv_newton *s, const gv_problem *problem) {
       add_node(s, problem, b);
   }
   gv_blocks_begin(&s->blocks, s->nodes);
-  for (int b = 0; b < problem->body_count; b++)
-    if (is_limb(problem, b) && partner[b] != MANY && partner[b] != NOBODY && problem->body[b].mass > 0.0)
-      add_leaf(s, problem, b, partner[b]);
+  for (int b = 0; b < GV_LIMBS && b < problem->body_count; b++)
+    add_if_leaf(s, problem, b, partner[b]);
+  for (int b = second_hand(problem); b < problem->body_count; b++)
+    add_if_leaf(s, problem, b, partner[b]);
 }
 
 // ---- contacts -------------------------------------------------------------------------------------
