@@ -353,6 +353,15 @@ build/venv-campaign/.done: build/.run-packages
 	$(Q)build/venv-campaign/bin/pip install -q --disable-pip-version-check snakemake
 	@touch $@
 
+## quiet: how quiet the force is with stiff couplings, with and without the observer of the fingers (5 minutes); data/bench/quiet.csv
+quiet: $(B)/test/test_real
+	@mkdir -p build/quiet
+	$(Q)for grasp in power_box pinch_box tripod_box regrasp_box bar_frame; do echo $$grasp; done | \
+	  xargs -P $(JOBS) -I @ sh -c '$(B)/test/test_real table @ | grep , > build/quiet/@.csv'
+	$(Q){ echo grasp,glove,user,k_f_n_m,rate_hz,observer,held,seeds,slip_mm,force_std_n,force_error_rms_n; \
+	  cat build/quiet/*.csv; } > data/bench/quiet.csv
+.PHONY: quiet
+
 ## zwidth: how stiff the coupling may be before the loop with a finger is noisy or oscillates: map over damping, delay, rate, quantum (5 minutes; POINTS=2: coarse; MORE=config=FILE: with other settings); data/bench/zwidth.csv, data/pictures/zwidth-*.png
 POINTS ?= 4
 zwidth: build/venv-campaign/.done build/venv-plot/.done

@@ -5,6 +5,7 @@
 // simulated device, the session, the engine.
 //
 //   test_real                        16 seeds of every grasp
+//   test_real table SCRIPT           rows of data/bench/quiet.csv (make quiet)
 //   test_real SCRIPT k_f [best] [moving] [passivity] [observer] [NAME=VALUE...]
 //                                    one grasp on 16 seeds with another stiffness, settings of the device and
 //                                    of the sample filter (corner_hz, rest_hz), with or without passivity
@@ -294,6 +295,7 @@ static bool run_reference(const grasp *g, const gv_sim_device *device, uint64_t 
   give_user(&best, device);
   settings.engine.filter_hz = 100.0;
   settings.engine.filter_rest_hz = 0.0;
+  settings.engine.prediction_s = 0.0;
   settings.engine.finger = finger_of(device);
   referred = false;
   const bool ran = run(g, &best, seed, m);
@@ -302,13 +304,14 @@ static bool run_reference(const grasp *g, const gv_sim_device *device, uint64_t 
   return ran;
 }
 
-static tally run_seeds(const grasp *g, const gv_sim_device *device, bool each) {
+static tally run_some_seeds(const grasp *g, const gv_sim_device *device, uint64_t seeds, bool each,
+                            bool compared) {
   tally t = {0};
-  for (uint64_t seed = 1; seed <= SEEDS; seed++) {
+  for (uint64_t seed = 1; seed <= seeds; seed++) {
     measures m, perfect = {0};
-    if (each && !run_reference(g, device, seed, &perfect))
+    if (compared && !run_reference(g, device, seed, &perfect))
       return t;
-    referred = each;
+    referred = compared;
     if (!run(g, device, seed, &m))
       return t;
     if (each)
@@ -328,6 +331,10 @@ static tally run_seeds(const grasp *g, const gv_sim_device *device, bool each) {
     t.felt_error_n = fmax(t.felt_error_n, m.felt_error_n);
   }
   return t;
+}
+
+static tally run_seeds(const grasp *g, const gv_sim_device *device, bool each) {
+  return run_some_seeds(g, device, SEEDS, each, each);
 }
 
 static const grasp *current;
@@ -507,8 +514,57 @@ static int try_one(int argc, char **argv) {
   return 0;
 }
 
+// ---- make quiet ------------------------------------------------------------------------------------------
+
+static void tell_row(const grasp *g, const char *glove, const gv_sim_device *device, uint64_t seeds,
+                     bool observed) {
+  settings.engine.finger.observed = observed;
+  const tally t = run_some_seeds(g, device, seeds, false, strcmp(glove, "real") == 0);
+  printf("%s,%s,%s,%g,%g,%s,%d,%d,%.3f,%.4f,%.4f\n", g->script, glove,
+         device->sway_rad > 0.0 ? "moving" : "still", settings.engine.limb.k_f, 1.0 / settings.engine.step_s,
+         observed ? "on" : "off", t.held, (int)seeds, t.slip_m * 1e3, t.felt_std_n, t.felt_error_n);
+  fflush(stdout);
+}
+
+static void tell_real(const grasp *g, double k_f, bool observed) {
+  gv_sim_device device = gv_sim_device_real();
+  settings.engine.limb.k_f = k_f;
+  tell_row(g, "real", &device, SEEDS, observed);
+  make_user_move(&device, 0.03);
+  tell_row(g, "real", &device, SEEDS, observed);
+}
+
+static void tell_perfect(const grasp *g, double k_f, double rate_hz, bool observed) {
+  gv_sim_device device = gv_sim_device_best();
+  const double step_s = settings.engine.step_s;
+  device.delay_s = 0.002;
+  device.cycle_hz = device.command_hz = device.glove_hz_min = device.glove_hz_max = rate_hz;
+  settings.engine.limb.k_f = k_f;
+  settings.engine.step_s = 1.0 / rate_hz;
+  tell_row(g, "perfect", &device, 1, observed);
+  settings.engine.step_s = step_s;
+}
+
+// Rows of data/bench/quiet.csv for one grasp; the reference of `error` is for the real glove alone.
+static int tell_table(const char *name) {
+  for (int i = 0; i < GRASPS; i++) {
+    const grasp *g = &grasps[i];
+    if (strcmp(g->script, name) != 0)
+      continue;
+    for (int on = 0; on < 2; on++) {
+      tell_real(g, 1000.0, on);
+      tell_perfect(g, 2000.0, 1000.0, on);
+      tell_perfect(g, 10000.0, 5000.0, on);
+    }
+    tell_real(g, 2000.0, true);
+  }
+  return check_done();
+}
+
 int main(int argc, char **argv) {
   gv_settings_default(&settings);
+  if (argc == 3 && strcmp(argv[1], "table") == 0)
+    return tell_table(argv[2]);
   if (argc > 2)
     return try_one(argc, argv);
   for (int i = 0; i < GRASPS; i++) {
