@@ -11,7 +11,7 @@ ffi.cdef("""
 typedef struct { double w, x, y, z; } gv_quat;
 typedef struct { double x, y, z; } gv_vec3;
 typedef struct { gv_quat q; gv_vec3 p; } gv_pose;
-typedef struct { double raw[22]; gv_pose T_world_receiver; bool glove_new, pose_new; } gv_sample;
+typedef struct { double raw[22]; gv_pose T_world_receiver; bool glove_new, pose_new; ...; } gv_sample;
 typedef struct { double tension_n[5]; ...; } gv_step_result;
 typedef struct { ...; } gv_calibration;
 typedef struct { gv_calibration calibration; ...; } gv_config;
