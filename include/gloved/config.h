@@ -74,7 +74,7 @@ typedef struct gv_config {
   double gate_m_s;          // the same for the tracker's position (its orientation goes by gate_rad_s)
   double prediction_s;      // extrapolate the filtered hand by this much along its velocity; 0: off,
                             // as without the filter
-  gv_finger_model finger;    // what is known of the user's fingers
+  gv_finger_model finger;   // what is known of the user's fingers
   double operations_per_s;  // counted operations of collision detection that this machine does in a
                             // second: the process measures it at start, a replay takes the default,
                             // so that it does not depend on the machine

@@ -15,12 +15,12 @@ typedef enum gv_row_state { GV_ROW_HOLDS, GV_ROW_AT_LOW, GV_ROW_AT_HIGH } gv_row
 
 typedef struct gv_newton_row {
   int node_a, node_b;  // in the equations; -1: does not move
-  int slot;     // of a joint's row
+  int slot;            // of a joint's row
   int contact;  // of a patch's row, whose bound follows the normal impulse from one solution to the next; -1
   double normal_to_most;  // gv_patch_arm
   double applied;         // the bound in the equations
-  gv_six to_a, to_b;  // the Jacobian G
-  double free_u;      // G v_free - target
+  gv_six to_a, to_b;      // the Jacobian G
+  double free_u;          // G v_free - target
   double compliance, low, high;
   double inverse_mass;  // G M^-1 G^T
   // the iteration

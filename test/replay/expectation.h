@@ -35,8 +35,8 @@ typedef enum variant {
   VARIANT_PADS,
   VARIANTS
 } variant;
-static const char *const variant_name[VARIANTS] = {"default", "newton", "dantzig", "quickstep",
-                                                   "libccd",  "stock",  "paper",   "finger_joints", "pads"};
+static const char *const variant_name[VARIANTS] = {
+  "default", "newton", "dantzig", "quickstep", "libccd", "stock", "paper", "finger_joints", "pads"};
 
 static inline gv_config variant_config(variant v) {
   gv_config c = v == VARIANT_PAPER   ? gv_config_paper()

@@ -51,8 +51,8 @@ static void show_state(int ms) {
   gv_engine_contacts(run.engine, &count);
   const double *f = run.session.force_n;
   const gv_vec3 hand = user_carries(&run);
-  printf("# %5d ms  %2d contacts  force %5.2f %5.2f %5.2f %5.2f %5.2f N  depth %.3f mm", ms, count,
-         f[0], f[1], f[2], f[3], f[4], 1e3 * deepest());
+  printf("# %5d ms  %2d contacts  force %5.2f %5.2f %5.2f %5.2f %5.2f N  depth %.3f mm", ms, count, f[0],
+         f[1], f[2], f[3], f[4], 1e3 * deepest());
   printf("  hand %.2f %.2f %.2f N", hand.x, hand.y, hand.z);
   for (int i = 0; i < run.scene.joint_count; i++)
     printf("  %s %.4f", run.scene.joint[i].name, gv_engine_joint(run.engine, i).position);

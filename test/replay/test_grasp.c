@@ -112,8 +112,8 @@ static void test_grasp(void) {
   printf("  %-12s %5d triangles %3d pieces%s: lifted %.0f mm, slip %.3f mm, tilt %.3f deg, depth %.3f mm, "
          "force at most %.1f N, bones apart by %.2f mm\n",
          g->scene, scene->object[1].triangle_count, scene->object[1].piece_count,
-         joined ? ", finger_joints" : "", m.lift_m * 1e3,
-         m.slip_m * 1e3, m.tilt_rad * 180 / GV_PI, m.depth_m * 1e3, m.force_max_n, m.apart_m * 1e3);
+         joined ? ", finger_joints" : "", m.lift_m * 1e3, m.slip_m * 1e3, m.tilt_rad * 180 / GV_PI,
+         m.depth_m * 1e3, m.force_max_n, m.apart_m * 1e3);
   CHECK(scene->object[1].piece_count >= g->min_pieces, "%s: %d pieces", g->scene,
         scene->object[1].piece_count);
   CHECK(!g->triangles || scene->object[1].triangle_count == g->triangles, "%s: %d triangles", g->scene,

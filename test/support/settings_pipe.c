@@ -23,8 +23,8 @@ static void print_row(const gv_setting *s, const void *configuration) {
 
 int main(void) {
   static const char *const groups[] = {
-    "",        "realtime", "filter", "finger",   "coupling", "coupling.limb", "coupling.palm",
-    "contact", "solver",   "override", "limiter",  "safety",        "passivity"};
+    "",        "realtime", "filter",   "finger",  "coupling", "coupling.limb", "coupling.palm",
+    "contact", "solver",   "override", "limiter", "safety",   "passivity"};
   static gv_settings settings;
   gv_settings_default(&settings);
   for (size_t i = 0; i < sizeof groups / sizeof *groups; i++) {

@@ -155,7 +155,7 @@ static verdict judge(const window *before, const window *last) {
   v.hz = v.std_n < 1e-6 ? 0.0 : 0.5 * last->crossings / window_s;
   v.power_w = last->energy_j / window_s;
   const bool at_limit = v.force_n > 0.95 * fmin(settings.limiter.max_n, settings.limiter.finger_max_n[1]);
-  v.outcome = v.force_n < 1e-3                    ? "away"
+  v.outcome = v.force_n < 1e-3                  ? "away"
               : v.std_n >= bouncing * v.force_n ? "oscillates"
               : at_limit                        ? "limit"
               : v.std_n >= quiet_n              ? "noisy"
@@ -331,11 +331,8 @@ static int sweep(const setup *s) {
 }
 
 int main(int argc, char **argv) {
-  static setup s = {.rate_hz = 1000.0,
-                    .task = &tasks[0],
-                    .seed = 1,
-                    .k_n_m = {{200.0}, 1},
-                    .d_n_s_m = {{-1.0}, 1}};
+  static setup s = {
+    .rate_hz = 1000.0, .task = &tasks[0], .seed = 1, .k_n_m = {{200.0}, 1}, .d_n_s_m = {{-1.0}, 1}};
   gv_settings_default(&settings);
   set_device_preset(&s, "best");
   if (read_arguments(argc, argv, &s))
