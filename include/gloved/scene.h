@@ -12,11 +12,7 @@ extern "C" {
 
 // coulomb: at most mu x normal force, in any direction (Eqn 9); newton and dantzig solve that round cone,
 // quickstep makes a pyramid of it. fixed_limit: at most `mu` newtons, as ODE means Eqn 10.
-typedef enum gv_friction {
-  GV_FRICTION_COULOMB,
-  GV_FRICTION_FIXED_LIMIT,
-  GV_FRICTION_PYRAMID = GV_FRICTION_COULOMB  // its older name
-} gv_friction;
+typedef enum gv_friction { GV_FRICTION_COULOMB, GV_FRICTION_FIXED_LIMIT } gv_friction;
 
 // How two named materials rub against each other, whatever each says alone.
 enum { GV_MATERIAL_NONE = 0, GV_MATERIAL_HAND = 1 };  // others count from 2

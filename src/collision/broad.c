@@ -57,7 +57,7 @@ bool gv_broad_alloc(gv_broad *broad, gv_arena *arena, const gv_scene *scene, int
     return false;
   broad->scene = scene;
   broad->hands = hands;
-  broad->second_hand = GV_LIMBS + scene->object_count;
+  broad->second_hand = gv_body_of_second_hand(scene->object_count);
   broad->piece_shape = shape;
   broad->piece_box = box;
   broad->limb_cache = limb;

@@ -51,7 +51,7 @@ typedef struct gv_broad {
 } gv_broad;
 
 static inline bool gv_broad_is_limb(const gv_broad *broad, int body) {
-  return body < GV_LIMBS || body >= broad->second_hand;
+  return gv_body_is_limb(body, broad->second_hand);
 }
 static inline bool gv_aabb_meet(const gv_aabb *a, const gv_aabb *b) {
   return a->min.x <= b->max.x && b->min.x <= a->max.x && a->min.y <= b->max.y && b->min.y <= a->max.y &&

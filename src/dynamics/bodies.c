@@ -81,7 +81,7 @@ static gv_vec3 choose_gravity(const gv_config *cfg, const gv_scene *scene) {
 
 void gv_bodies_init(gv_bodies *bodies, const gv_config *cfg, const gv_scene *scene,
                     const gv_spring spring[GV_LIMBS], const double limb_inertia[GV_LIMBS]) {
-  const int second_hand = GV_LIMBS + scene->object_count;
+  const int second_hand = gv_body_of_second_hand(scene->object_count);
   *bodies = (gv_bodies){.count = second_hand + (cfg->second.present ? GV_LIMBS : 0),
                         .second_hand = second_hand,
                         .gravity = choose_gravity(cfg, scene)};

@@ -38,7 +38,7 @@ void gv_bodies_set_state(gv_bodies *bodies, int body, const gv_body_state *state
 void gv_bodies_set_standing(gv_bodies *bodies, int body, bool stands);
 void gv_bodies_add_force(gv_bodies *bodies, int body, gv_vec3 f, gv_vec3 t);
 static inline bool gv_bodies_is_limb(const gv_bodies *bodies, int body) {
-  return body < GV_LIMBS || body >= bodies->second_hand;
+  return gv_body_is_limb(body, bodies->second_hand);
 }
 static inline bool gv_body_moves(const gv_body *b) { return !b->is_static && !b->stands; }
 

@@ -68,11 +68,6 @@ void gv_dynamics_set_limb(gv_dynamics *dyn, int limb, const gv_spring *spring, d
   gv_bodies_set_limb(&dyn->bodies, limb, spring, inertia);
 }
 
-int gv_dynamics_hand(const gv_dynamics *dyn, int hand) {
-  assert(hand == 0 || (hand == 1 && dyn->cfg->second.present));
-  return hand == 0 ? 0 : dyn->bodies.second_hand;
-}
-
 void gv_dynamics_park_limbs(gv_dynamics *dyn, int first, bool parked) {
   assert(first >= 0 && first + GV_LIMBS <= dyn->bodies.count);
   for (int i = first; i < first + GV_LIMBS; i++)
@@ -134,11 +129,17 @@ unsigned gv_dynamics_solver_errors(const gv_dynamics *dyn) {
 
 double gv_dynamics_object_energy(const gv_dynamics *dyn) { return gv_bodies_object_energy(&dyn->bodies); }
 
+static void state_fingers(gv_dynamics *dyn) {
+  const int first[GV_HANDS] = {0, dyn->bodies.second_hand};
+  for (int h = 0; h < (dyn->cfg->second.present ? 2 : 1); h++)
+    gv_problem_add_finger_joints(&dyn->problem, dyn->cfg, dyn->finger_joint[h], first[h], dyn->bodies.state);
+}
+
 static void state_problem(gv_dynamics *dyn, const gv_dynamics_contact contact[], int count) {
   gv_problem *problem = &dyn->problem;
   problem->step_s = dyn->cfg->step_s;
   problem->body_count = dyn->bodies.count;
-  problem->second_hand = dyn->cfg->second.present ? dyn->bodies.second_hand : 0;
+  problem->second_hand = dyn->bodies.second_hand;
   gv_bodies_move_freely(&dyn->bodies, problem->step_s, problem->body);
   for (int i = 0; i < problem->body_count; i++) {
     dyn->velocity[i].v = problem->body[i].v;
@@ -146,9 +147,8 @@ static void state_problem(gv_dynamics *dyn, const gv_dynamics_contact contact[],
   }
   gv_problem_set_contacts(problem, dyn->cfg, contact, count, dyn->index);
   gv_problem_set_joints(problem, dyn->cfg, dyn->scene, dyn->bodies.state, dyn->broken);
-  for (int h = 0; dyn->cfg->finger_joints && h < (dyn->cfg->second.present ? 2 : 1); h++)
-    gv_problem_add_finger_joints(problem, dyn->cfg, dyn->finger_joint[h], gv_dynamics_hand(dyn, h),
-                                 dyn->bodies.state);
+  if (dyn->cfg->finger_joints)
+    state_fingers(dyn);
 }
 
 // No solver has an answer: what touches something stays where it is for this step.

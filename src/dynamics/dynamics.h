@@ -27,8 +27,6 @@ void gv_dynamics_set_state(gv_dynamics *dyn, int body, const gv_body_state *stat
 void gv_dynamics_set_limb(gv_dynamics *dyn, int limb, const gv_spring *spring, double inertia);
 // Limbs without a driver are parked: not simulated. first: of the hand's bodies.
 void gv_dynamics_park_limbs(gv_dynamics *dyn, int first, bool parked);
-// The first body of a hand, 0 or 1.
-int gv_dynamics_hand(const gv_dynamics *dyn, int hand);
 // An object at rest stands still and is not simulated; others see it as static.
 void gv_dynamics_set_rest(gv_dynamics *dyn, int body, bool rest);
 // Was a force added for the coming step?

@@ -13,13 +13,13 @@
 
 enum { NOBODY = -2, STATIC = -1, MANY = GV_BODIES };
 
-static bool is_limb(const gv_problem *problem, int body) {
-  return body < GV_LIMBS || (problem->second_hand > 0 && body >= problem->second_hand);
-}
-
 // Where the limbs of a second hand begin; the number of bodies where there is none.
 static int second_hand(const gv_problem *problem) {
   return problem->second_hand > 0 ? problem->second_hand : problem->body_count;
+}
+
+static bool is_limb(const gv_problem *problem, int body) {
+  return gv_body_is_limb(body, second_hand(problem));
 }
 
 static void add_node(gv_newton *s, const gv_problem *problem, int body) {

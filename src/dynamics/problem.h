@@ -81,7 +81,7 @@ typedef struct gv_problem {
   double step_s;    // h
   double budget_s;  // time that one solver may take, reckoned in operations, never by a clock
   int body_count, contact_count;
-  int second_hand;  // number of the first of its limbs, which are the last bodies; 0: there is none
+  int second_hand;  // where its limbs begin, the last bodies; 0 or body_count: there is none
   gv_problem_body body[GV_BODIES];
   gv_problem_contact contact[GV_MAX_CONTACTS];
   int joint_count, row_count;

@@ -34,7 +34,7 @@ static bool put_engine(gv_arena *arena, const gv_config *cfg, const gv_scene *sc
   e->hands = hands;
   e->hand[0].cfg = &e->cfg;
   e->hand[1].cfg = &e->second_cfg;
-  e->hand[1].first_body = GV_LIMBS + scene->object_count;
+  e->hand[1].first_body = gv_body_of_second_hand(scene->object_count);
   set_config(e, cfg);
   *out = e;
   return true;

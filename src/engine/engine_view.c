@@ -99,12 +99,14 @@ static uint64_t fnv1a(uint64_t hash, const void *data, size_t size) {
   return hash;
 }
 
-static uint64_t add_condition(uint64_t hash, const gv_condition *c) {
+static uint64_t add_condition(uint64_t hash, const gv_condition *c, bool observed) {
   hash = fnv1a(hash, c->angle, sizeof c->angle);
   hash = fnv1a(hash, c->rate, sizeof c->rate);
   hash = fnv1a(hash, &c->wrist, sizeof c->wrist);
   hash = fnv1a(hash, &c->v, sizeof c->v);
   hash = fnv1a(hash, c->pace, sizeof c->pace);
+  if (observed)
+    hash = fnv1a(hash, &c->fingers, sizeof c->fingers);
   return fnv1a(hash, &c->w, sizeof c->w);
 }
 
@@ -112,10 +114,10 @@ uint64_t gv_engine_hash(const gv_engine *e) {
   uint64_t hash = fnv1a(14695981039346656037ULL, &e->counters.steps, sizeof e->counters.steps);
   for (int i = 0; i < GV_LIMBS + e->scene->object_count; i++)
     hash = fnv1a(hash, gv_dynamics_state(e->dyn, i), sizeof(gv_body_state));
-  hash = add_condition(hash, &e->hand[0].condition);
+  hash = add_condition(hash, &e->hand[0].condition, e->cfg.finger.observed);
   if (e->hands == 1)
     return hash;
   for (int i = GV_LIMBS; i < 2 * GV_LIMBS; i++)
     hash = fnv1a(hash, gv_dynamics_state(e->dyn, gv_engine_body_of_limb(e, i)), sizeof(gv_body_state));
-  return add_condition(hash, &e->hand[1].condition);
+  return add_condition(hash, &e->hand[1].condition, e->cfg.finger.observed);
 }

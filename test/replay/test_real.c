@@ -70,9 +70,9 @@ typedef struct place {
 typedef struct measures {
   double way_m;   // while held: how far the object's middle moved in the palm at most, swinging included
   double slip_m;  // of the point that the hand holds, from its place in the first second to that in the last
-  double turn_rad;    // likewise of the orientation
-  double lift_m;      // least height above the start
-  double felt_std_n;  // largest of the five fingers' force, while held
+  double turn_rad;      // likewise of the orientation
+  double lift_m;        // least height above the start
+  double felt_std_n;    // largest of the five fingers' force, while held
   double felt_error_n;  // rms, likewise, of its deviation from what the reference felt; 0: none was run
   double felt_mean_n[GV_FINGERS];
 } measures;
@@ -315,12 +315,11 @@ static tally run_some_seeds(const grasp *g, const gv_sim_device *device, uint64_
     if (!run(g, device, seed, &m))
       return t;
     if (each)
-      printf(
-          "seed %2d %-7s slip %8.4f mm, turn %.3f deg, way %8.4f mm, force std %.4f N, error %.4f N "
-          "(reference std %.4f N), means %.2f %.2f %.2f %.2f %.2f\n",
-          (int)seed, is_held(&m) ? "held" : "DROPPED", m.slip_m * 1e3, m.turn_rad * deg, m.way_m * 1e3,
-          m.felt_std_n, m.felt_error_n, perfect.felt_std_n, m.felt_mean_n[0], m.felt_mean_n[1],
-          m.felt_mean_n[2], m.felt_mean_n[3], m.felt_mean_n[4]);
+      printf("seed %2d %-7s slip %8.4f mm, turn %.3f deg, way %8.4f mm, force std %.4f N, error %.4f N "
+             "(reference std %.4f N), means %.2f %.2f %.2f %.2f %.2f\n",
+             (int)seed, is_held(&m) ? "held" : "DROPPED", m.slip_m * 1e3, m.turn_rad * deg, m.way_m * 1e3,
+             m.felt_std_n, m.felt_error_n, perfect.felt_std_n, m.felt_mean_n[0], m.felt_mean_n[1],
+             m.felt_mean_n[2], m.felt_mean_n[3], m.felt_mean_n[4]);
     if (!is_held(&m))
       continue;
     t.held++;
@@ -464,6 +463,22 @@ static void try_observer(double firmer, int from, int to, int *out_held, double 
   settings.engine.finger = taken;
 }
 
+// The force itself, not only its rest: that of a perfect glove without observer, which needs none.
+static void check_observed_force(void) {
+  const gv_sim_device device[2] = {gv_sim_device_best(), gv_sim_device_real()};
+  measures m[2];
+  for (int real = 0; real < 2; real++) {
+    settings.engine.finger.observed = real;
+    if (!run(&grasps[1], &device[real], 1, &m[real]))
+      return;
+  }
+  settings.engine.finger.observed = false;
+  for (int f = 0; f < 2; f++)
+    CHECK(fabs(m[1].felt_mean_n[f] - m[0].felt_mean_n[f]) < 0.1 * m[0].felt_mean_n[f],
+          "finger %d: %g N with the observer, %g N with a perfect glove", f, m[1].felt_mean_n[f],
+          m[0].felt_mean_n[f]);
+}
+
 static void test_observer_is_quiet_where_the_loop_swings(void) {
   const double k_f = settings.engine.limb.k_f;
   int held[2];
@@ -472,6 +487,7 @@ static void test_observer_is_quiet_where_the_loop_swings(void) {
   try_observer(1.0, 1, 4, held, std_n);
   CHECK(held[0] <= 1 && held[1] == 4 && std_n[1] < 0.05, "%d without, %d with it, %g N", held[0], held[1],
         std_n[1]);
+  check_observed_force();
   for (double firmer = 0.5; firmer <= 2.0; firmer *= 4.0) {
     try_observer(firmer, 1, 2, held, std_n);
     CHECK(held[1] == 2 && std_n[1] < 0.1, "finger %g times as firm: %d held, %g N", firmer, held[1],

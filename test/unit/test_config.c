@@ -305,7 +305,7 @@ static const mistake settings_mistakes[] = {
   {V "scene = 5;\n", ":2: ", "'scene' is no text"},
   {V "scene = \"a\\nb\";\n", ":2: ", "control character"},
   {V "preset = \"papers\";\n", ":2: ", "\"default\" or \"stock\" or \"paper\""},
-  {V "contact = { friction = \"pyramid\"; };\n", ":2: ", "is gone, friction is a round cone"},
+  {V "contact = { friction = \"pyramid\"; };\n", ":2: ", "is none of its choices; write \"coulomb\""},
   {V "hand = { side = \"both\"; };\n", ":2: ", "\"right\" or \"left\""},
   {V "hand = {\n segment_mm = ([46.6, 31.4, 26.9]);\n};\n", ":3: ", "5 rows"},
   {V "hand = {\n radius_mm = ([11,10,9],\n [9,8,7],\n [9,8],\n [9,8,7],[8,7,6]);\n};\n",

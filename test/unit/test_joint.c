@@ -5,10 +5,10 @@
 #include <string.h>
 
 #include "daemon/load/scene_load.h"
-#include "dynamics/choice.h"
 #include "support/bones.h"
 #include "support/check.h"
 #include "support/lab.h"
+#include "support/solvers.h"
 
 static unsigned long long seed = 21;
 static double draw(double lo, double hi) { return check_uniform(&seed, lo, hi); }
@@ -18,13 +18,10 @@ static gv_vec3 draw_vector(double size) {
 static gv_quat draw_quat(double size) { return gv_quat_exp(draw_vector(size)); }
 
 static const char *const kind_name[] = {"fixed", "ball", "hinge", "slider"};
-static const gv_solver every_solver[] = {GV_SOLVER_NEWTON, GV_SOLVER_DANTZIG, GV_SOLVER_QUICKSTEP};
-enum { EVERY_SOLVER = 3 };
 
 // ---- one problem, two solvers ---------------------------------------------------------------------
 
-enum { OBJECTS = 4, ARENA = 24 << 20 };
-static _Alignas(64) unsigned char memory[ARENA];
+enum { OBJECTS = 4 };
 
 typedef struct world {
   gv_config cfg;
@@ -106,12 +103,7 @@ static void ask(gv_choice *choice, gv_solver solver, gv_problem *problem, gv_vel
 // and so moves it a little aside.
 static void compare_chains(double turn_rad, double within) {
   static world w;
-  gv_choice choice;
-  gv_arena arena;
-  const gv_config cfg = gv_config_default();
-  gv_arena_init(&arena, memory, sizeof memory);
-  if (!gv_choice_open(&choice, &arena, &cfg))
-    abort();
+  gv_choice choice = open_solvers();
   choice.period_s = 1.0;
   for (int kind = 0; kind < 4; kind++) {
     double worst = 0;

@@ -1,16 +1,12 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // Friction of a patch against turning about the normal: its torque by the formula, in each solver, and a
 // pinched box whose weight is to one side, which swings in fingers of points and is held by pads.
-#include "dynamics/choice.h"
 #include "support/check.h"
+#include "support/solvers.h"
 #include "support/user_run.h"
-
-static const gv_solver every_solver[] = {GV_SOLVER_NEWTON, GV_SOLVER_DANTZIG, GV_SOLVER_QUICKSTEP};
-enum { EVERY_SOLVER = 3 };
 
 // ---- one contact ----------------------------------------------------------------------------------
 
-static _Alignas(64) unsigned char memory[24 << 20];
 static const double mass = 0.1, turn_inertia = 2e-5, mu = 0.8, patch = 0.006;
 
 // A ball of 0.1 kg falls by a step's gravity onto the floor, pressed with press_n besides, and turns.
@@ -36,12 +32,8 @@ static void state_spinning_ball(gv_problem *q, const gv_config *cfg, double pres
 
 static void test_a_patch_takes_a_turn_by_the_formula(void) {
   static gv_problem problem;
-  gv_choice choice;
-  gv_arena arena;
   const gv_config cfg = gv_config_default();
-  gv_arena_init(&arena, memory, sizeof memory);
-  if (!gv_choice_open(&choice, &arena, &cfg))
-    abort();
+  gv_choice choice = open_solvers();
   choice.period_s = 1.0;
   for (int s = 0; s < EVERY_SOLVER; s++) {
     choice.solver = every_solver[s];

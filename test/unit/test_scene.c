@@ -588,12 +588,12 @@ static void test_materials(void) {
   }
   CHECK(s.object[0].material == 3 && s.object[0].friction == GV_FRICTION_FIXED_LIMIT && s.object[0].mu == 2,
         "ice");
-  CHECK(s.object[1].material == 2 && s.object[1].friction == GV_FRICTION_PYRAMID && s.object[1].mu == 0.9,
+  CHECK(s.object[1].material == 2 && s.object[1].friction == GV_FRICTION_COULOMB && s.object[1].mu == 0.9,
         "felt");
   CHECK(s.object[2].material == GV_MATERIAL_NONE && s.object[2].mu == 0.8, "no material");
   CHECK(s.friction_pair_count == 1 && s.friction_pair[0].material_a == 3 &&
             s.friction_pair[0].material_b == GV_MATERIAL_HAND && s.friction_pair[0].mu == 0.3 &&
-            s.friction_pair[0].friction == GV_FRICTION_PYRAMID,
+            s.friction_pair[0].friction == GV_FRICTION_COULOMB,
         "pair");
 }
 

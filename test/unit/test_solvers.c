@@ -7,9 +7,9 @@
 
 #include "daemon/load/scene_load.h"
 #include "daemon/loop/heap.h"
-#include "dynamics/choice.h"
 #include "support/check.h"
 #include "support/lab.h"
+#include "support/solvers.h"
 
 static unsigned long long seed = 11;
 static double draw(double lo, double hi) { return check_uniform(&seed, lo, hi); }
@@ -19,24 +19,13 @@ static gv_vec3 draw_vector(double size) {
 
 static const gv_contact_solver *const solvers[] = {&gv_solver_newton, &gv_solver_dantzig,
                                                    &gv_solver_quickstep};
-enum { SOLVERS = 3, ARENA = 24 << 20 };
-static _Alignas(64) unsigned char memory[ARENA];
+enum { SOLVERS = 3 };
 
 typedef struct answer {
   gv_outcome outcome;
   gv_velocity velocity[GV_BODIES];
   gv_vec3 impulse[GV_MAX_CONTACTS];
 } answer;
-
-static gv_choice open_solvers(void) {
-  gv_choice choice;
-  gv_arena arena;
-  const gv_config cfg = gv_config_default();
-  gv_arena_init(&arena, memory, sizeof memory);
-  if (!gv_choice_open(&choice, &arena, &cfg))
-    abort();
-  return choice;
-}
 
 static answer ask(gv_choice *choice, const gv_contact_solver *solver, const gv_problem *problem) {
   answer a;

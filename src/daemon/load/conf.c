@@ -459,8 +459,6 @@ bool gv_conf_choice(gv_conf_group *group, const char *key, const char *const *na
     size_t used = strlen(list);
     snprintf(list + used, sizeof list - used, "%s\"%s\"", i ? " or " : "", names[i]);
   }
-  if (text && strcmp(text, "pyramid") == 0)
-    return gv_conf_fail(node, "the friction pyramid is gone, friction is a round cone; write %s", list);
   return gv_conf_fail(node, "'%s' is none of its choices; write %s", key, list);
 }
 
