@@ -69,6 +69,12 @@ static int read_line(gv_log *log, char line[GV_LOG_LINE_MAX + 3], bool *out_whol
   }
 }
 
+// A line that parsed has one.
+static void take_iface(gv_log *log, const char *line) {
+  if (sscanf(line, " %*s %15s", log->iface) != 1)
+    log->iface[0] = '\0';
+}
+
 int gv_log_next(gv_log *log, gv_frame *out, char *err, size_t err_size) {
   char line[GV_LOG_LINE_MAX + 3], why[120];
   bool whole = true;
@@ -91,5 +97,6 @@ int gv_log_next(gv_log *log, gv_frame *out, char *err, size_t err_size) {
     out->stamp_ns = log->last_ns;
   }
   log->last_ns = out->stamp_ns;
+  take_iface(log, line);
   return 1;
 }

@@ -4,6 +4,7 @@
 // touch memory that opening allocated.
 #include <stdio.h>
 #include <stdlib.h>
+#include <string.h>
 
 #include "gloved/drivers.h"
 #include "gloved/fcu.h"
@@ -62,10 +63,10 @@ static bool is_id(const gv_frame *frame, uint32_t id) {
   return frame->id == id && !(frame->flags & (GV_FRAME_EXTENDED | GV_FRAME_ERROR));
 }
 
-// All frames of the log but our own commands, classic ones joined. Stamps count from the log's
+// iface: "": of every interface. All frames of the log but our own commands, classic ones joined. Stamps count from the log's
 // first line, and its last one is the end: the engine's steps before the first frame and after
 // the last belong to a recording.
-static int load_frames(trace *t, gv_log *log, char *err, size_t err_size) {
+static int load_frames(trace *t, gv_log *log, const char *iface, char *err, size_t err_size) {
   gv_frame line, frame;
   gv_classic_join join = {0};
   size_t gloves = 0;
@@ -75,6 +76,8 @@ static int load_frames(trace *t, gv_log *log, char *err, size_t err_size) {
     if (start_ns < 0)
       start_ns = line.stamp_ns;
     t->end_ns = line.stamp_ns - start_ns;
+    if (*iface && strcmp(iface, log->iface) != 0)
+      continue;
     if (!gv_classic_take(&join, &line, &frame) || is_id(&frame, GV_ID_FORCE_COMMAND))
       continue;
     frame.stamp_ns -= start_ns;
@@ -88,24 +91,44 @@ static int load_frames(trace *t, gv_log *log, char *err, size_t err_size) {
   if (got < 0)
     return -1;
   if (gloves == 0) {
-    snprintf(
-        err, err_size,
-        "%s:%llu: no frame of a glove (identifier %03X) in it; record one with gloved-trace or candump -L",
-        log->path, (unsigned long long)log->line, GV_ID_GLOVE);
+    snprintf(err, err_size,
+             "%s:%llu: no frame of a glove (identifier %03X) in it%s%s; record one with gloved-trace or "
+             "candump -L",
+             log->path, (unsigned long long)log->line, GV_ID_GLOVE, *iface ? " on " : "", iface);
     return -1;
   }
   t->stats.bad = log->truncated;
   return 0;
 }
 
-int gv_trace_open(const char *path, gv_driver *out, char *err, size_t err_size) {
+// The URL's file, and the interface that its parameter names. 0, or negative with one line in err.
+static int split(const char *url, char path[1024], char iface[GV_LOG_IFACE], char *err, size_t err_size) {
+  const size_t length = strcspn(url, "?");
+  iface[0] = '\0';
+  snprintf(path, 1024, "%.*s", (int)length, url);
+  if (!url[length])
+    return 0;
+  const char *name = url + length + 7;
+  if (strncmp(url + length, "?iface=", 7) == 0 && *name && strlen(name) < GV_LOG_IFACE) {
+    snprintf(iface, GV_LOG_IFACE, "%s", name);
+    return 0;
+  }
+  snprintf(err, err_size,
+           "trace:%s: no such parameter; write trace:FILE?iface=NAME for one interface's frames", url);
+  return -1;
+}
+
+int gv_trace_open(const char *url, gv_driver *out, char *err, size_t err_size) {
   gv_log log;
+  char path[1024], iface[GV_LOG_IFACE];
+  if (split(url, path, iface, err, err_size))
+    return -1;
   if (gv_log_open(&log, path, err, err_size))
     return -1;
   trace *t = calloc(1, sizeof *t);
   if (!t)
     snprintf(err, err_size, "%s: out of memory; close other programs", path);
-  int error = t ? load_frames(t, &log, err, err_size) : -1;
+  int error = t ? load_frames(t, &log, iface, err, err_size) : -1;
   gv_log_close(&log);
   if (error) {
     if (t)
@@ -121,4 +144,6 @@ int gv_trace_open(const char *path, gv_driver *out, char *err, size_t err_size) 
   return 0;
 }
 
-int64_t gv_trace_length_ns(const gv_driver *driver) { return ((const trace *)driver->self)->end_ns; }
+int64_t gv_trace_length_ns(const gv_driver *driver) {
+  return driver->poll == poll_trace ? ((const trace *)driver->self)->end_ns : -1;
+}

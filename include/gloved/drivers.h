@@ -63,7 +63,7 @@ int gv_udp_open(const char *url, gv_driver *out, char *err, size_t err_size);
 int gv_can_open(const char *url, gv_driver *out, char *err, size_t err_size);
 
 // ---- candump -L text ------------------------------------------------------------------------------
-enum { GV_LOG_LINE_MAX = 200 };
+enum { GV_LOG_LINE_MAX = 200, GV_LOG_IFACE = 16 };
 // One line "(seconds.micros) iface ID#DATA" or "ID##FLAGS DATA" without its newline. 0, or negative with a
 // short reason in err. Unknown trailing words (candump's R/T) are accepted.
 int gv_log_parse(const char *line, gv_frame *out, char *err, size_t err_size);
@@ -81,6 +81,7 @@ typedef struct gv_log {
   uint64_t truncated;  // 1: the last line, or the gzip stream, broke off (a crash while recording);
                        // it was left out
   int64_t last_ns;
+  char iface[GV_LOG_IFACE];  // of the frame read last; longer names are cut
 } gv_log;
 // Both: negative with one line "FILE:LINE: what; what to do" in err.
 int gv_log_open(gv_log *log, const char *path, char *err, size_t err_size);
@@ -88,14 +89,15 @@ int gv_log_open(gv_log *log, const char *path, char *err, size_t err_size);
 int gv_log_next(gv_log *log, gv_frame *out, char *err, size_t err_size);
 void gv_log_close(gv_log *log);
 
-// FILE, a candump -L log, plain or gzip. The whole file is read and checked on opening (an error names file,
+// "FILE[?iface=NAME]", a candump -L log, plain or gzip; with iface the frames of that interface alone, on the
+// clock of the whole log (a recording of two hands has two). The whole file is read and checked on opening (an error names file,
 // line, what, what to do; a file without a GLOVE frame is refused). Stamps are made to start at 0 with the
 // first line and the recording ends with the last; frames that the engine itself sent (FORCE_COMMAND) are
 // kept out of the stream, frames of classic CAN joined. The clock is whatever now_ns
 // the caller passes. A last line that broke off counts as `bad`. What is sent
 // counts as `tx` and goes nowhere.
-int gv_trace_open(const char *path, gv_driver *out, char *err, size_t err_size);
-// Stamp of the last line (the recording's length).
+int gv_trace_open(const char *url, gv_driver *out, char *err, size_t err_size);
+// Stamp of the last line (the recording's length); -1: this driver is no recording alone.
 int64_t gv_trace_length_ns(const gv_driver *trace);
 
 // ---- simulated device -----------------------------------------------------------------------------
@@ -181,6 +183,9 @@ gv_serial_report gv_serial_report_of(const gv_driver *serial);
 // Frames of both in the order of their stamps, POSE of the tracker alone; what is sent goes to the fcu. Ends
 // with the fcu. Takes both over: closing it closes them; on error both are closed already.
 int gv_pair_open(gv_driver fcu, gv_driver tracker, gv_driver *out, char *err, size_t err_size);
+// The devices of two hands: frames of the second one carry GV_FRAME_SECOND, and what is sent with it goes to
+// the second. Ends with either; the descriptor is the first one's. Takes both over likewise.
+int gv_two_hands_open(gv_driver first, gv_driver second, gv_driver *out, char *err, size_t err_size);
 
 #ifdef __cplusplus
 }

@@ -138,6 +138,9 @@ gv_joint_state gv_engine_joint(const gv_engine *engine, int joint);
 // 22 joint angles as the glove measured them last, rad: calibrated, jumps held back, not filtered.
 const double *gv_engine_measured(const gv_engine *engine);
 const double *gv_engine_angles(const gv_engine *engine);  // 22 joint angles of the skeleton, rad
+// The same of any of its hands: 0, or 1 for the second.
+const double *gv_engine_measured_of(const gv_engine *engine, int hand);
+const double *gv_engine_angles_of(const gv_engine *engine, int hand);
 void gv_engine_memory(const gv_engine *engine, size_t *out_used, size_t *out_peak, size_t *out_size);
 // FNV-1a 64 over the whole simulated state (poses, velocities, filters, step count). Cost: 3 us.
 uint64_t gv_engine_hash(const gv_engine *engine);

@@ -18,7 +18,8 @@ enum {
   GV_FRAME_ESI = 4,
   GV_FRAME_EXTENDED = 8,
   GV_FRAME_REMOTE = 16,
-  GV_FRAME_ERROR = 32
+  GV_FRAME_ERROR = 32,
+  GV_FRAME_SECOND = 64  // from or for the second hand's device: in this process alone, on no wire
 };
 
 enum { GV_FRAME_DATA = 64 };  // bytes, the most that CAN FD carries

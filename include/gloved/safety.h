@@ -39,7 +39,8 @@ typedef enum gv_fault {  // bits
   // A source says itself that it is in doubt: these end a force at once, and are waited out where none flows.
   GV_FAULT_SENSOR = 1 << 7,
   GV_FAULT_OTHER_HAND = 1 << 8,
-  GV_FAULT_TRACKER = 1 << 9
+  GV_FAULT_TRACKER = 1 << 9,
+  GV_FAULT_OTHER_DEVICE = 1 << 10  // of two hands: the other one's device is in a fault
 } gv_fault;
 
 typedef struct gv_safety_input {
@@ -48,7 +49,7 @@ typedef struct gv_safety_input {
   double glove_age_s, tracker_age_s, status_age_s;  // of the newest good message
   double glove_interval_s, tracker_interval_s, status_interval_s;  // mean time between messages; 0: not known
   uint32_t doubts;       // GV_FAULT_SENSOR, _OTHER_HAND, _TRACKER as the newest sound
-                         // messages say
+                         // messages say; GV_FAULT_OTHER_DEVICE
   bool dead_man;         // held
   bool finite;           // every number of this step was finite
   bool device_fault;     // the device reports one

@@ -18,6 +18,7 @@
 #include "daemon/load/replay.h"
 #include "daemon/load/scene_doubts.h"
 #include "daemon/load/scene_thread.h"
+#include "daemon/loop/hands.h"
 #include "daemon/loop/machine.h"
 #include "daemon/options.h"
 #include "daemon/tell/slow.h"
@@ -43,11 +44,11 @@ typedef struct program {
   gv_scene_thread loader;            // of `next`
   char next_scene[GV_SETTING_TEXT];  // file of `next`
   FILE *summary_file;                // null: not asked for
-  gv_session session;
+  gv_session session[GV_HANDS];
   gv_loop loop;
   gv_view view;
   gv_notify notify;
-  gv_held held;
+  gv_held held[GV_HANDS];
   char err[ERROR_TEXT];
 } program;
 
@@ -141,17 +142,19 @@ static int open_telemetry(program *p) {
   gv_settings defaults;
   gv_settings_default(&defaults);
   const bool required = p->options.lcm || strcmp(p->settings.lcm, defaults.lcm) != 0;
-  const gv_telemetry_config telemetry = {.lcm_url = p->settings.lcm,
-                                         .lcm_required = required,
-                                         .scene = &p->world.scene,
-                                         .hand = &p->settings.engine.hand,
-                                         .arena = &p->world.arena,
-                                         .about = &p->about,
-                                         .settings = &p->settings,
-                                         .begin_scene = begin_scene,
-                                         .scene_ended = scene_ended,
-                                         .user = p,
-                                         .give_up = &give_up};
+  const gv_telemetry_config telemetry = {
+    .lcm_url = p->settings.lcm,
+    .lcm_required = required,
+    .scene = &p->world.scene,
+    .hand = &p->settings.engine.hand,
+    .second = p->settings.engine.second.present ? &p->settings.engine.second.hand : NULL,
+    .arena = &p->world.arena,
+    .about = &p->about,
+    .settings = &p->settings,
+    .begin_scene = begin_scene,
+    .scene_ended = scene_ended,
+    .user = p,
+    .give_up = &give_up};
   p->telemetry = gv_telemetry_open(&telemetry, p->err, sizeof p->err);
   if (p->telemetry && p->err[0])
     fprintf(stderr, "gloved: going on without LCM: %s\n", p->err);
@@ -174,7 +177,8 @@ static int open_recorder(program *p) {
     return 0;
   if (gv_about_write(&p->about, p->options.record, p->err, sizeof p->err))
     return -1;
-  return gv_recorder_open(&p->recorder, p->options.record, p->settings.fcu, p->err, sizeof p->err);
+  return gv_recorder_open(&p->recorder, p->options.record, p->settings.fcu, p->settings.fcu2, p->err,
+                          sizeof p->err);
 }
 
 // Nothing that is there is emptied before all else stands; the recording's words, which a
@@ -215,10 +219,10 @@ static void fit_limiter(program *p) {
 }
 
 // The file behind a device's scheme, without its options; false: another scheme, or none is named.
-static bool file_of_fcu(const program *p, const char *scheme, char out[GV_SETTING_TEXT]) {
+static bool file_of(const char *fcu, const char *scheme, char out[GV_SETTING_TEXT]) {
   const size_t length = strlen(scheme);
-  const bool is_so = strncmp(p->settings.fcu, scheme, length) == 0;
-  const char *file = is_so ? p->settings.fcu + length : "";
+  const bool is_so = strncmp(fcu, scheme, length) == 0;
+  const char *file = is_so ? fcu + length : "";
   snprintf(out, GV_SETTING_TEXT, "%.*s", (int)strcspn(file, "?"), file);
   return *out != '\0';
 }
@@ -226,22 +230,35 @@ static bool file_of_fcu(const program *p, const char *scheme, char out[GV_SETTIN
 // Before anything is opened: what is there stays as it is until nothing can fail any more.
 static int check_outputs(program *p) {
   char trace[GV_SETTING_TEXT];
+  char trace2[GV_SETTING_TEXT];
   char script[GV_SETTING_TEXT];
   char found[4096] = "";
+  char found2[4096] = "";
   char trace_about[GV_SETTING_TEXT + 16] = "";
   char about[GV_SETTING_TEXT + 16] = "";
-  if (file_of_fcu(p, "trace:", trace))
+  file_of(p->settings.fcu2, "trace:", trace2);
+  if (file_of(p->settings.fcu2, "sim:", script))
+    gv_data_path(script, "scripts", ".user", found2, sizeof found2);
+  if (file_of(p->settings.fcu, "trace:", trace))
     snprintf(trace_about, sizeof trace_about, "%s.about", trace);
-  if (file_of_fcu(p, "sim:", script))
+  if (file_of(p->settings.fcu, "sim:", script))
     gv_data_path(script, "scripts", ".user", found, sizeof found);
   if (p->options.record)
     snprintf(about, sizeof about, "%s.about", p->options.record);
   const gv_named_file file[] = {
-    {"--config", p->options.config, false},  {"--scene", p->settings.scene, false},
-    {"--fcu trace:", trace, false},          {"calibration", p->settings.calibration, false},
-    {"--fcu trace:", trace_about, false},    {"--fcu sim:", found, false},
-    {"--summary", p->options.summary, true}, {"--record", p->options.record, true},
-    {"--log", p->options.log, true},         {"--record", about, true},
+    {"--config", p->options.config, false},
+    {"--scene", p->settings.scene, false},
+    {"--fcu trace:", trace, false},
+    {"calibration", p->settings.calibration, false},
+    {"--fcu2 trace:", trace2, false},
+    {"calibration2", p->settings.calibration2, false},
+    {"--fcu2 sim:", found2, false},
+    {"--fcu trace:", trace_about, false},
+    {"--fcu sim:", found, false},
+    {"--summary", p->options.summary, true},
+    {"--record", p->options.record, true},
+    {"--log", p->options.log, true},
+    {"--record", about, true},
   };
   return gv_output_check(file, sizeof file / sizeof file[0], p->err, sizeof p->err);
 }
@@ -272,6 +289,7 @@ static void describe(program *p) {
   const gv_settings *settings = &p->settings;
   gv_about_now(about);
   snprintf(about->fcu, sizeof about->fcu, "%s", settings->fcu);
+  snprintf(about->fcu2, sizeof about->fcu2, "%s", settings->fcu2);
   snprintf(about->tracker, sizeof about->tracker, "%s", settings->tracker);
   snprintf(about->hand, sizeof about->hand, "%s", settings->engine.hand.side == GV_LEFT ? "left" : "right");
   about->rate_hz = settings->rate_hz;
@@ -312,25 +330,34 @@ static int set_up(program *p) {
 
 // ---- run ------------------------------------------------------------------------------------------------
 
-static void start_loop(program *p) {
+static int64_t period_ns(const gv_settings *settings) { return (int64_t)(1e9 / settings->rate_hz + 0.5); }
+
+static void start_sessions(program *p) {
   const gv_settings *settings = &p->settings;
-  const int64_t period_ns = (int64_t)(1e9 / settings->rate_hz + 0.5);
-  const gv_session_config session = {
+  gv_session_config session = {
     .limiter = settings->limiter,
     .safety = settings->safety,
     .passivity = settings->passivity,
-    .side = settings->engine.hand.side,
     .replay = p->pace != GV_PACE_LIVE,
     .period_s = 1.0 / settings->rate_hz,
-    .command_s = 1.0 / settings->rate_hz / gv_loop_commands(period_ns),
+    .command_s = 1.0 / settings->rate_hz / gv_loop_commands(period_ns(settings)),
   };
+  for (int i = 0; i < gv_engine_hands(p->world.engine); i++) {
+    session.hand = i;
+    session.side = i ? settings->engine.second.hand.side : settings->engine.hand.side;
+    gv_session_init(&p->session[i], &session, p->world.engine);
+  }
+}
+
+static void start_loop(program *p) {
+  const gv_settings *settings = &p->settings;
   const gv_realtime_config none = {.cpu = GV_CPU_ANY};
   const gv_realtime_config realtime = {.priority = settings->rt_priority,
                                        .lock_memory = settings->mlock,
                                        .stay_awake = settings->cpu_dma_latency,
                                        .cpu = settings->cpu};
   const gv_loop_config loop = {
-    .period_ns = period_ns,
+    .period_ns = period_ns(settings),
     .periods_max = (int64_t)(p->options.duration_s * settings->rate_hz + 0.5),
     .pace = p->pace,
     .alarm_s = GIVE_UP_S,
@@ -340,26 +367,25 @@ static void start_loop(program *p) {
     .black_box = p->black_box != NULL,
     .realtime = p->pace == GV_PACE_FREE ? none : realtime,
   };
-  gv_session_init(&p->session, &session, p->world.engine);
-  gv_loop_init(&p->loop, &loop, &p->session, &p->driver, p->world.scene.object_count, &stop_requested);
+  gv_loop_init(&p->loop, &loop, p->session, &p->driver, p->world.scene.object_count, &stop_requested);
   gv_telemetry_attach(p->telemetry, &p->loop);
   atomic_store(&watched_loop, &p->loop);
 }
 
 // Between two loops: the new scene's engine in the place of the old one. 0, or negative with no engine left.
 static int change_scene(program *p) {
-  const uint64_t steps = (uint64_t)gv_session_steps(&p->session);
+  const uint64_t steps = (uint64_t)gv_session_steps(p->session);
   gv_world_close(&p->world);
   p->world = p->next;
   gv_about_read_file(p->next_scene, &p->about.scene);
   p->next = (gv_world){0};
   if (gv_world_start(&p->world, &p->settings.engine))
     return -1;
-  gv_session_change_engine(&p->session, p->world.engine, steps);
+  gv_hands_change_engine(p->session, p->world.engine, steps);
   gv_loop_change_scene(&p->loop, p->world.scene.object_count);
   gv_telemetry_change_scene(p->telemetry);
   gv_view_change_scene(&p->view);
-  p->held = (gv_held){0};
+  memset(p->held, 0, sizeof p->held);
   return 0;
 }
 
@@ -368,13 +394,14 @@ static int run_loop(program *p) {
   if (gv_loop_start(&p->loop) != 0)
     return -1;
   const gv_listeners to = {p->telemetry, &p->recorder, p->black_box,   &p->view,
-                           &p->notify,   &p->held,     &p->world.scene};
+                           &p->notify,   p->held,      &p->world.scene};
   gv_slow_run(&p->loop, &to);
   gv_loop_join(&p->loop);
   return 0;
 }
 
 static int run(program *p) {
+  start_sessions(p);
   start_loop(p);
   catch_signals();
   fflush(stdout);
@@ -413,7 +440,7 @@ static int report(program *p) {
                               .arena = &p->world.arena,
                               .title = p->settings.fcu,
                               .about = &p->about,
-                              .held = &p->held,
+                              .held = p->held,
                               .reason = fault ? GV_EXIT_FAULT : (gv_exit)atomic_load(&p->loop.exit),
                               .telemetry_failed = gv_telemetry_failed(p->telemetry),
                               .driver = p->driver.stats(p->driver.self)};
@@ -450,11 +477,17 @@ static void say_what_was_found(const program *p) {
   printf("scene      %s; %d objects, %d pieces, %d triangles\n", p->settings.scene,
          p->world.scene.object_count, p->world.scene.piece_count, p->world.scene.triangle_count);
   printf("fcu        %s; %s", p->settings.fcu, pace[p->pace]);
-  if (strncmp(p->settings.fcu, "trace:", 6) == 0)
-    printf(", %.3f s long", (double)gv_trace_length_ns(&p->driver) * 1e-9);
+  const int64_t long_ns = strncmp(p->settings.fcu, "trace:", 6) == 0 ? gv_trace_length_ns(&p->driver) : -1;
+  if (long_ns >= 0)
+    printf(", %.3f s long", (double)long_ns * 1e-9);
   putchar('\n');
   if (*p->settings.tracker)
     printf("tracker    %s\n", p->settings.tracker);
+  if (*p->settings.fcu2)
+    printf("fcu2       %s; the %s hand\n", p->settings.fcu2,
+           p->settings.engine.second.hand.side == GV_LEFT ? "left" : "right");
+  if (*p->settings.tracker2)
+    printf("tracker2   %s\n", p->settings.tracker2);
   printf("lcm        %s\n", p->settings.lcm);
   printf("contact    solver %s, narrow phase %s\n", gv_solver_name(p->settings.engine.solver),
          p->settings.engine.narrow == GV_NARROW_LIBCCD ? "libccd" : "core");

@@ -72,6 +72,7 @@ int gv_options_parse(int argc, char **argv, gv_options *out, char *err, size_t e
     {"--config", &out->config, NULL, NULL, 0, 0},
     {"--scene", &out->scene, NULL, NULL, 0, 0},
     {"--fcu", &out->fcu, NULL, NULL, 0, 0},
+    {"--fcu2", &out->fcu2, NULL, NULL, 0, 0},
     {"--tracker", &out->tracker, NULL, NULL, 0, 0},
     {"--narrow", &out->narrow, NULL, NULL, 0, 0},
     {"--solver", &out->solver, NULL, NULL, 0, 0},
@@ -130,6 +131,7 @@ static void set_names(const gv_options *options, gv_settings *out) {
     set_text(out->scene, found);
   set_text(out->fcu, options->fcu);
   set_text(out->tracker, options->tracker);
+  set_text(out->fcu2, options->fcu2);
   set_text(out->lcm, lcm_url(options, out));
   set_text(out->black_box, options->black_box);
 }
@@ -192,6 +194,7 @@ int gv_options_settings(const gv_options *options, gv_settings *out, char *err, 
     return -1;
   }
   out->engine.period_s = 1.0 / out->rate_hz;
+  gv_settings_second(out);
   const char *field = unsound(out);
   if (!field)
     return 0;
@@ -221,6 +224,9 @@ const char *gv_options_help(void) {
          "                      serial:DEV?type=doglove&servos=DEV  five servos; with --tracker\n"
          "  --tracker URL     a tracker of its own; otherwise the poses come with the frames:\n"
          "                      serial:DEV?type=fastrak     Polhemus FASTRAK, receiver 1 head, 2 hand\n"
+         "  --fcu2 URL        device of a second hand, the other side's, in the same world (as --fcu; its "
+         "tracker:\n"
+         "                      tracker2 in --config)\n"
          "  --rate HZ         periods per second, 100 to 10000 (1000)\n"
          "  --narrow core|libccd  narrow phase of the collision detection (core)\n"
          "  --sync device     a step begins with the glove's frame; without one, by the loop's own clock\n"

@@ -11,7 +11,7 @@
 
 typedef struct gv_options {
   // null: not given
-  const char *config, *scene, *fcu, *tracker, *narrow, *solver, *lcm, *log, *record, *summary, *sync,
+  const char *config, *scene, *fcu, *tracker, *fcu2, *narrow, *solver, *lcm, *log, *record, *summary, *sync,
       *black_box;
   double rate_hz;     // 0: not given
   double duration_s;  // 0: not given, without end

@@ -41,8 +41,16 @@ void gv_engine_object_velocity(const gv_engine *e, int object, gv_vec3 *out_v, g
   *out_w = gv_dynamics_state(e->dyn, GV_LIMBS + object)->w;
 }
 gv_joint_state gv_engine_joint(const gv_engine *e, int joint) { return gv_dynamics_joint(e->dyn, joint); }
-const double *gv_engine_measured(const gv_engine *e) { return e->hand[0].condition.target; }
-const double *gv_engine_angles(const gv_engine *e) { return e->hand[0].angle; }
+const double *gv_engine_measured(const gv_engine *e) { return gv_engine_measured_of(e, 0); }
+const double *gv_engine_angles(const gv_engine *e) { return gv_engine_angles_of(e, 0); }
+const double *gv_engine_measured_of(const gv_engine *e, int hand) {
+  assert(hand >= 0 && hand < e->hands);
+  return e->hand[hand].condition.target;
+}
+const double *gv_engine_angles_of(const gv_engine *e, int hand) {
+  assert(hand >= 0 && hand < e->hands);
+  return e->hand[hand].angle;
+}
 void gv_engine_memory(const gv_engine *e, size_t *out_used, size_t *out_peak, size_t *out_size) {
   *out_used = e->arena.used;
   *out_peak = e->arena.peak;

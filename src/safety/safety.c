@@ -30,7 +30,8 @@ static bool fresh(double age_s, double interval_s, double max_age_s) {
 
 // Causes that are waited out where no force flows.
 static const uint32_t passing = GV_FAULT_GLOVE_STALE | GV_FAULT_TRACKER_STALE | GV_FAULT_STATUS_STALE |
-                                GV_FAULT_SENSOR | GV_FAULT_OTHER_HAND | GV_FAULT_TRACKER;
+                                GV_FAULT_SENSOR | GV_FAULT_OTHER_HAND | GV_FAULT_TRACKER |
+                                GV_FAULT_OTHER_DEVICE;
 
 // Events leak away over the window: the level is about their count within it.
 static double leak(double level, unsigned events, double dt_s, double window_s) {
@@ -128,7 +129,8 @@ const char *gv_fault_text(uint32_t faults) {
                                      "the device's status too old",
                                      "the glove reports a sensor fault",
                                      "the glove is for the other hand",
-                                     "the tracker reports an error"};
+                                     "the tracker reports an error",
+                                     "the other hand's device is in a fault"};
   for (size_t i = 0; i < sizeof text / sizeof *text; i++)
     if (faults >> i & 1)
       return text[i];

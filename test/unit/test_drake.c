@@ -163,7 +163,7 @@ static void test_links_of_objects_are_the_frames_of_the_scene_file(void) {
   const gv_hand_model hand = gv_hand_model_default(GV_RIGHT);
   make_snapshot(0);
   object[1].center_m = gv_v3(0.01, 0.02, 0.03);
-  gv_drake_init(&drake, &hand, &scene);
+  gv_drake_init(&drake, &hand, NULL, &scene);
   snapshot.object[1].T_world_body = (gv_pose){gv_quat_axis_angle(gv_v3(0, 0, 1), 0.5 * GV_PI),
                                               gv_v3(1, 2, 3)};
   gv_drake_update(&drake, &snapshot);
@@ -172,7 +172,7 @@ static void test_links_of_objects_are_the_frames_of_the_scene_file(void) {
   const gv_vec3 middle = gv_transform(*T, ball->p_link_shape);
   CHECK(gv_norm(gv_sub(middle, gv_v3(1, 2, 3))) < 1e-12, "%g %g %g", middle.x, middle.y, middle.z);
   object[1].center_m = gv_v3(0, 0, 0);
-  gv_drake_init(&drake, &hand, &scene);
+  gv_drake_init(&drake, &hand, NULL, &scene);
 }
 
 static void test_no_state_breaks_a_pose(void) {
@@ -261,7 +261,7 @@ static void test_what_was_not_seen_is_not_shown(void) {
 int main(void) {
   const gv_hand_model hand = gv_hand_model_default(GV_RIGHT);
   make_scene();
-  gv_drake_init(&drake, &hand, &scene);
+  gv_drake_init(&drake, &hand, NULL, &scene);
   RUN(test_every_shape_is_one_the_viewer_takes);
   RUN(test_a_limb_is_as_large_as_in_the_engine);
   RUN(test_a_mesh_that_fits_stays_and_a_large_one_is_thinned);

@@ -65,6 +65,19 @@ void gv_about_now(gv_about *out) {
   snprintf(out->commit, sizeof out->commit, "%s", gv_commit());
 }
 
+static void name_interface(const char *fcu, const char *otherwise, char out[GV_ABOUT_IFACE]) {
+  const bool can = strncmp(fcu, "can:", 4) == 0;
+  snprintf(out, GV_ABOUT_IFACE, "%.15s", can ? fcu + 4 : otherwise);
+}
+
+void gv_about_interfaces(const char *fcu, const char *fcu2, char out_first[GV_ABOUT_IFACE],
+                         char out_second[GV_ABOUT_IFACE]) {
+  name_interface(fcu, "can0", out_first);
+  name_interface(fcu2, "can1", out_second);
+  if (strcmp(out_first, out_second) == 0)
+    snprintf(out_second, GV_ABOUT_IFACE, "%.12s-2", out_first);
+}
+
 void gv_about_free(gv_about *about) {
   free(about->scene.text);
   free(about->settings.text);
@@ -121,6 +134,8 @@ static int write_whole(const gv_about *about, const char *path, const char *name
   put_text(out, "date", about->date);
   put_text(out, "command_line", about->command_line);
   put_text(out, "fcu", about->fcu);
+  if (about->fcu2[0])
+    put_text(out, "fcu2", about->fcu2);
   put_text(out, "tracker", about->tracker);
   put_text(out, "hand", about->hand);
   fprintf(out, "rate_hz = %.9f;\n", about->rate_hz);
@@ -179,6 +194,7 @@ static void take_all(gv_conf_group *root, gv_about *out) {
   take_text(root, "date", out->date, sizeof out->date);
   take_text(root, "command_line", out->command_line, sizeof out->command_line);
   take_text(root, "fcu", out->fcu, sizeof out->fcu);
+  take_text(root, "fcu2", out->fcu2, sizeof out->fcu2);
   take_text(root, "tracker", out->tracker, sizeof out->tracker);
   take_text(root, "hand", out->hand, sizeof out->hand);
   gv_conf_number(root, "rate_hz", 0, 1e6, &out->rate_hz);

@@ -27,10 +27,15 @@ typedef struct gv_about {
   char version[64], commit[64], date[32];  // date: UTC, ISO 8601
   char command_line[1024];
   char fcu[256], tracker[256], hand[8];  // hand: "right" or "left"
+  char fcu2[256];                        // of a second hand, the other one; empty: none
   double rate_hz;
   gv_about_file scene, settings;  // settings.name empty: the defaults
 } gv_about;
 
+// The interfaces that the frames of the two hands have in a recording: those of CAN, else can0 and can1.
+enum { GV_ABOUT_IFACE = 16 };
+void gv_about_interfaces(const char *fcu, const char *fcu2, char out_first[GV_ABOUT_IFACE],
+                         char out_second[GV_ABOUT_IFACE]);
 // The file as it is now; a name alone where it cannot be read.
 void gv_about_read_file(const char *name, gv_about_file *out);
 // The words of the command line, those with spaces or quotes in quotes.

@@ -15,9 +15,28 @@
 
 #define DEG (GV_PI / 180)
 
+// Across the plane between a left and a right hand's frame.
+static gv_pose mirrored(gv_pose T) {
+  return (gv_pose){{T.q.w, 0.0 - T.q.x, T.q.y, 0.0 - T.q.z}, {T.p.x, 0.0 - T.p.y, T.p.z}};
+}
+
+// A second hand is the same person's other one, its receiver mounted likewise.
+static void default_second(gv_config *out) {
+  out->second.calibration = gv_calibration_default();
+  out->second.T_receiver_wrist = mirrored(out->T_receiver_wrist);
+}
+
+void gv_settings_second(gv_settings *out) {
+  gv_second_hand *second = &out->engine.second;
+  second->present = out->fcu2[0] != '\0';
+  second->hand = out->engine.hand;
+  second->hand.side = out->engine.hand.side == GV_LEFT ? GV_RIGHT : GV_LEFT;
+}
+
 void gv_settings_default(gv_settings *out) {
   memset(out, 0, sizeof *out);
   out->engine = gv_config_default();
+  default_second(&out->engine);
   out->limiter = gv_limiter_config_default();
   out->safety = gv_safety_config_default();
   out->passivity = gv_passivity_config_default();
@@ -145,23 +164,27 @@ static void read_preset(gv_conf_group *root, gv_config *out) {
     *out = make[preset]();
 }
 
-static void load_calibration(gv_conf_group *root, gv_settings *out) {
+static void load_calibration(gv_conf_group *root, const char *key, const char *file, gv_calibration *out) {
   char reason[GV_SETTING_TEXT + 256];
-  if (!gv_conf_has(gv_conf_find(root, "calibration")) || !out->calibration[0])
+  if (!gv_conf_has(gv_conf_find(root, key)) || !file[0])
     return;
-  if (gv_calibration_load(out->calibration, &out->engine.calibration, reason, sizeof reason))
-    gv_conf_fail(gv_conf_find(root, "calibration"), "%s", reason);
+  if (gv_calibration_load(file, out, reason, sizeof reason))
+    gv_conf_fail(gv_conf_find(root, key), "%s", reason);
 }
 
 static void read_settings(gv_conf_group *root, gv_settings *out) {
   read_preset(root, &out->engine);  // first: everything else changes what it sets
   gv_settings_read_group(root, "", out);
-  load_calibration(root, out);
+  default_second(&out->engine);
+  load_calibration(root, "calibration", out->calibration, &out->engine.calibration);
+  load_calibration(root, "calibration2", out->calibration2, &out->engine.second.calibration);
   // The simulation keeps up with time unless solver.step_s, read later, says otherwise.
   if (gv_conf_has(gv_conf_find(root, "rate_hz")))
     out->engine.step_s = 1.0 / out->rate_hz;
   read_hand(root, &out->engine.hand);
   read_pose(root, "receiver", 500, &out->engine.T_receiver_wrist);
+  out->engine.second.T_receiver_wrist = mirrored(out->engine.T_receiver_wrist);
+  read_pose(root, "receiver2", 500, &out->engine.second.T_receiver_wrist);
   read_pose(root, "tracker_to_world", 10000, &out->T_world_tracker);
   read_solver_word(root, &out->engine);
   gv_settings_read_groups(root, out);

@@ -39,6 +39,20 @@ static int choose(gv_settings *settings, bool chosen, const char *trace, const g
   return -1;
 }
 
+// A recording of two hands has two interfaces in one file: each hand gets its own.
+static void choose_hands(gv_settings *settings, const char *trace, const gv_about *recorded) {
+  char first[GV_ABOUT_IFACE], second[GV_ABOUT_IFACE];
+  const char *speed = strstr(settings->fcu, "speed=0") ? "&speed=0" : "";
+  if (!recorded->fcu2[0] || settings->fcu2[0] || strstr(settings->fcu, "iface="))
+    return;
+  gv_about_interfaces(recorded->fcu, recorded->fcu2, first, second);
+  char file[GV_SETTING_TEXT];
+  snprintf(file, sizeof file, "%s", trace);
+  snprintf(settings->fcu, sizeof settings->fcu, "trace:%.200s?iface=%s%s", file, first, speed);
+  snprintf(settings->fcu2, sizeof settings->fcu2, "trace:%.200s?iface=%s%s", file, second, speed);
+  gv_settings_second(settings);
+}
+
 static void compare_settings(const gv_settings *settings, const gv_about *recorded, char out[300]) {
   const char *hand = settings->engine.hand.side == GV_LEFT ? "left" : "right";
   if (recorded->rate_hz > 0 && recorded->rate_hz != settings->rate_hz)
@@ -61,6 +75,7 @@ int gv_replay_scene(gv_settings *settings, bool scene_chosen, gv_about *recorded
   const int there = gv_about_read(trace, recorded, err, err_size);
   if (there <= 0)
     return there;
+  choose_hands(settings, trace, recorded);
   compare_settings(settings, recorded, out_warning);
   if (!recorded->scene.name[0])
     return 0;

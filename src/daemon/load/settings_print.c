@@ -183,7 +183,9 @@ int gv_settings_print(FILE *out) {
   print_group(out, "realtime", "", "", &s);
   print_hand(out, &s.engine.hand);
   print_pose(out, "receiver",
-             "# The wrist joint seen from the tracker's receiver: where the receiver is mounted.\n",
+             "# The wrist joint seen from the tracker's receiver: where the receiver is mounted. receiver2 = "
+             "{ ... }; is the "
+             "second\n# hand's; left out, it is the mirror of this one.\n",
              &s.engine.T_receiver_wrist, "quaternion w, x, y, z");
   print_pose(out, "tracker_to_world",
              "# For a tracker of its own (--tracker): its transmitter in the world, whose z points up. By "

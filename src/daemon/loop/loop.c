@@ -12,13 +12,14 @@
 #include <time.h>
 #include <unistd.h>
 
+#include "daemon/loop/hands.h"
 #include "daemon/loop/heap.h"
 #include "daemon/loop/strict.h"
 #include "gloved/fcu.h"
 
 enum {
   FINAL_ZERO_COMMANDS = 3,
-  RECORDS_A_STEP = 32,  // 7 engine events, overrun, other hand, state, 16 requests, and room
+  RECORDS_A_STEP = 40,  // 7 engine events, overrun, other hand and state of each hand, 16 requests, and room
   STEP_RECORDS_A_STEP = GV_LOOP_FRAMES / GV_STEP_FRAMES,
   OVERRUNS_TO_END = 1000000,  // periods: a fault, whatever the limits are
   LOOKS_A_PERIOD = 32,  // at a descriptor that is readable and has no frame of the glove: bounds a flood
@@ -26,6 +27,7 @@ enum {
   REPORT_SYNC = 30,
   REPORT_OVERRUN = 31
 };
+_Static_assert(GV_LOOP_FRAMES + 1 <= GV_HANDS_FRAMES, "frames of a period");
 
 int gv_loop_commands(int64_t period_ns) {
   const int64_t every_ns = 1000000;
@@ -70,23 +72,24 @@ static void add_relaxed(_Atomic uint64_t *counter, uint64_t amount) {
 // In free pace nothing gets lost: before a step the loop waits until the slow thread has made room for all
 // that one step can have to tell.
 static void wait_for_space(const gv_loop *loop) {
-  while (gv_ring_space(&loop->snapshots) < 1 || gv_ring_space(&loop->records) < RECORDS_A_STEP ||
+  while (gv_ring_space(&loop->snapshots) < GV_HANDS || gv_ring_space(&loop->records) < RECORDS_A_STEP ||
          gv_ring_space(&loop->steps) < STEP_RECORDS_A_STEP ||
-         gv_ring_space(&loop->frames) < GV_LOOP_FRAMES + (unsigned)loop->commands)
+         gv_ring_space(&loop->frames) < GV_LOOP_FRAMES + GV_HANDS * (unsigned)loop->commands)
     sleep_until(clock_ns(CLOCK_MONOTONIC) + 200000);
 }
 
-static void push_tagged(gv_loop *loop, gv_record_kind kind, uint32_t bits, int64_t tag) {
-  const gv_session *session = loop->session;
+static void push_of(gv_loop *loop, int hand, gv_record_kind kind, uint32_t bits, int64_t tag) {
+  const gv_session *session = &loop->session[hand];
   gv_record *record = gv_ring_reserve(&loop->records);
   if (!record)
     return;
   int64_t step = gv_session_steps(session);
   *record = (gv_record){.kind = kind,
+                        .hand = hand,
                         .step = step,
                         .time_s = (double)(step * loop->cfg.period_ns) * 1e-9,
                         .utime = loop->wall_us + loop->now_ns / 1000,
-                        .from = loop->state_reported,
+                        .from = loop->state_reported[hand],
                         .to = session->safety.state,
                         .bits = bits,
                         .tag = tag};
@@ -94,7 +97,7 @@ static void push_tagged(gv_loop *loop, gv_record_kind kind, uint32_t bits, int64
 }
 
 static void push_record(gv_loop *loop, gv_record_kind kind, uint32_t bits) {
-  push_tagged(loop, kind, bits, 0);
+  push_of(loop, 0, kind, bits, 0);
 }
 
 // At most one report a second for each kind, so that a noisy event cannot fill the ring.
@@ -106,6 +109,18 @@ static bool may_report(gv_loop *loop, int kind) {
   return true;
 }
 
+static void report_hand(gv_loop *loop, int hand) {
+  const gv_session *session = &loop->session[hand];
+  if (session->other_hand && !loop->other_hand_reported[hand]) {
+    push_of(loop, hand, GV_RECORD_OTHER_HAND, 0, 0);
+    loop->other_hand_reported[hand] = true;
+  }
+  if (session->safety.state == loop->state_reported[hand])
+    return;
+  push_of(loop, hand, GV_RECORD_STATE, session->safety.faults, 0);
+  loop->state_reported[hand] = session->safety.state;
+}
+
 static void report_events(gv_loop *loop) {
   const gv_session *session = loop->session;
   for (uint32_t rest = session->result.events; rest; rest &= rest - 1)
@@ -113,10 +128,6 @@ static void report_events(gv_loop *loop) {
       push_record(loop, GV_RECORD_ENGINE, rest & (~rest + 1));
   if (loop->overruns_now && may_report(loop, REPORT_OVERRUN))
     push_record(loop, GV_RECORD_OVERRUN, loop->overruns_now);
-  if (session->other_hand && !loop->other_hand_reported) {
-    push_record(loop, GV_RECORD_OTHER_HAND, 0);
-    loop->other_hand_reported = true;
-  }
   if (loop->sync.following != loop->following_reported && may_report(loop, REPORT_SYNC)) {
     push_record(loop, GV_RECORD_SYNC, loop->sync.following);
     loop->following_reported = loop->sync.following;
@@ -125,10 +136,8 @@ static void report_events(gv_loop *loop) {
     push_record(loop, GV_RECORD_LADDER, loop->ladder.rung);
     loop->rung_reported = loop->ladder.rung;
   }
-  if (session->safety.state == loop->state_reported)
-    return;
-  push_record(loop, GV_RECORD_STATE, session->safety.faults);
-  loop->state_reported = session->safety.state;
+  for (int i = 0; i < gv_hands_count(session); i++)
+    report_hand(loop, i);
 }
 
 // Where the slow thread is more than 3 s behind, the rest is dropped and counted.
@@ -144,11 +153,11 @@ static void record_frames(gv_loop *loop, const gv_frame *frame, int count, int64
   }
 }
 
-static void push_snapshot(gv_loop *loop) {
+static void push_snapshot(gv_loop *loop, int hand) {
   gv_snapshot *snapshot = gv_ring_reserve(&loop->snapshots);
   if (!snapshot)
     return;
-  gv_snapshot_fill(loop->session, loop->object_count, snapshot);
+  gv_snapshot_fill(&loop->session[hand], loop->object_count, snapshot);
   snapshot->utime = loop->wall_us + loop->now_ns / 1000;
   snapshot->events = loop->events;
   snapshot->missed_deadlines = loop->missed_deadlines;
@@ -156,6 +165,12 @@ static void push_snapshot(gv_loop *loop) {
   snapshot->ring_dropped = gv_ring_dropped(&loop->snapshots);
   snapshot->heap_calls = loop->heap_calls;
   gv_ring_commit(&loop->snapshots);
+}
+
+// The second hand's first: the picture, which is drawn with the first one's, has both.
+static void push_snapshots(gv_loop *loop) {
+  for (int i = gv_hands_count(loop->session) - 1; i >= 0; i--)
+    push_snapshot(loop, i);
   loop->events = 0;
 }
 
@@ -180,11 +195,11 @@ static void push_steps(gv_loop *loop, int64_t wake_ns, int64_t work_ns) {
 static void obey_requests(gv_loop *loop) {
   const gv_request *request;
   while (!loop->scene_accepted && (request = gv_ring_peek(&loop->requests))) {
-    const bool done = gv_session_request(loop->session, request);
+    const bool done = gv_hands_request(loop->session, request);
     const bool scene = request->kind == GV_REQUEST_SCENE;
     if (!scene || !done)
-      push_tagged(loop, GV_RECORD_REQUEST, (uint32_t)request->kind | (done ? 0u : GV_RECORD_REFUSED),
-                  request->tag);
+      push_of(loop, 0, GV_RECORD_REQUEST, (uint32_t)request->kind | (done ? 0u : GV_RECORD_REFUSED),
+              request->tag);
     if (scene)
       atomic_store(&loop->scene_asked, done);
     loop->scene_accepted = scene && done;
@@ -197,7 +212,7 @@ static void tell(gv_loop *loop, int64_t step) {
   loop->events |= loop->session->result.events;
   report_events(loop);
   if (every <= 1 || step % every == 0)
-    push_snapshot(loop);
+    push_snapshots(loop);
   atomic_store_explicit(&loop->heap_calls, loop->heap_calls_before + gv_heap_calls(), memory_order_relaxed);
 }
 
@@ -210,13 +225,13 @@ static void take_frames(gv_loop *loop, int64_t now_ns) {
   loop->frame_count += count;
   // The step may be milliseconds away.
   if (loop->commands > 1)
-    gv_session_heed(loop->session, first, count);
+    gv_hands_heed(loop->session, first, count);
 }
 
-// The newest frame of the glove from `first` on; null: none.
+// The newest frame of the first hand's glove from `first` on; null: none.
 static const gv_frame *glove_among(const gv_loop *loop, int first) {
   for (int i = loop->frame_count - 1; i >= first; i--)
-    if (loop->frame[i].id == GV_ID_GLOVE)
+    if (loop->frame[i].id == GV_ID_GLOVE && !(loop->frame[i].flags & GV_FRAME_SECOND))
       return &loop->frame[i];
   return NULL;
 }
@@ -234,11 +249,12 @@ static void sleep_on_descriptor(const gv_loop *loop, int64_t until_ns) {
 
 static void send_command(gv_loop *loop, int64_t stamp_ns) {
   const int64_t now_ns = clock_ns(CLOCK_MONOTONIC);
-  gv_frame command;
-  gv_session_command(loop->session, loop->cfg.pace == GV_PACE_LIVE ? now_ns : loop->now_ns, &command);
-  loop->driver->send(loop->driver->self, &command, 1);
+  gv_frame command[GV_HANDS];
+  const int count = gv_hands_command(loop->session, loop->cfg.pace == GV_PACE_LIVE ? now_ns : loop->now_ns,
+                                     command);
+  loop->driver->send(loop->driver->self, command, count);
   loop->sent_ns = now_ns;
-  record_frames(loop, &command, 1, stamp_ns);
+  record_frames(loop, command, count, stamp_ns);
 }
 
 static int64_t command_ns(const gv_loop *loop) { return loop->cfg.period_ns / loop->commands; }
@@ -351,15 +367,16 @@ static void count_faults(gv_loop *loop) {
 // lossy link. Bounded: the ramp ends.
 static void ramp_down(gv_loop *loop) {
   int64_t deadline_ns = clock_ns(CLOCK_MONOTONIC);
-  gv_frame command;
-  loop->state_before_stop = loop->session->safety.state;
-  loop->faults_before_stop = loop->session->safety.faults;
+  gv_frame command[GV_HANDS];
+  const gv_session *at_fault = gv_hands_at_fault(loop->session);
+  loop->state_before_stop = at_fault->safety.state;
+  loop->faults_before_stop = at_fault->safety.faults;
   for (int zeros = 0, sent = 0; zeros < FINAL_ZERO_COMMANDS; sent++) {
     loop->now_ns += command_ns(loop);
     loop->number += sent % loop->commands == 0;
-    zeros += gv_session_stop(loop->session, loop->now_ns, &command) ? 1 : 0;
-    loop->driver->send(loop->driver->self, &command, 1);
-    record_frames(loop, &command, 1, loop->step_ns);
+    zeros += gv_hands_stop(loop->session, loop->now_ns, command) ? 1 : 0;
+    loop->driver->send(loop->driver->self, command, gv_hands_count(loop->session));
+    record_frames(loop, command, gv_hands_count(loop->session), loop->step_ns);
     deadline_ns += command_ns(loop);
     if (loop->cfg.pace != GV_PACE_FREE)
       sleep_until(deadline_ns);
@@ -388,7 +405,7 @@ static gv_rung choose_rung(gv_loop *loop, int64_t due_ns, int64_t now_ns) {
 
 // No step in this period: the frames wait for the next, and the device hears the last forces.
 static void hold_period(gv_loop *loop) {
-  gv_session_hold(loop->session, loop->now_ns, loop->frame, loop->frame_count);
+  gv_hands_hold(loop->session, loop->now_ns, loop->frame, loop->frame_count);
   repeat_command(loop);
   report_events(loop);
   add_relaxed(&loop->overruns, 1);
@@ -415,7 +432,7 @@ static void step_once(gv_loop *loop, gv_rung rung, int64_t due_ns, int64_t start
   const unsigned overruns = rung == GV_RUNG_RAMP ? OVERRUNS_TO_END : late;
   if (pace == GV_PACE_LIVE)
     gv_session_set_rung(loop->session, rung);
-  gv_session_compute(loop->session, loop->now_ns, loop->frame, loop->frame_count, overruns);
+  gv_hands_compute(loop->session, loop->now_ns, loop->frame, loop->frame_count, overruns);
   const int64_t computed_ns = clock_ns(CLOCK_MONOTONIC);
   record_rung(loop);
   record_frames(loop, loop->frame, loop->frame_count, loop->step_ns);
@@ -510,7 +527,8 @@ void gv_loop_init(gv_loop *loop, const gv_loop_config *cfg, gv_session *session,
   loop->commands = gv_loop_commands(cfg->period_ns);
   loop->object_count = object_count;
   loop->stop = stop;
-  loop->state_reported = session->safety.state;
+  for (int i = 0; i < gv_hands_count(session); i++)
+    loop->state_reported[i] = session[i].safety.state;
   atomic_init(&loop->exit, GV_EXIT_RUNNING);
   atomic_init(&loop->refusals, -1);
   gv_ring_init(&loop->snapshots, loop->snapshot_slot, sizeof loop->snapshot_slot[0], GV_LOOP_SNAPSHOTS);
@@ -522,7 +540,8 @@ void gv_loop_init(gv_loop *loop, const gv_loop_config *cfg, gv_session *session,
 
 void gv_loop_change_scene(gv_loop *loop, int object_count) {
   loop->object_count = object_count;
-  loop->state_reported = loop->session->safety.state;
+  for (int i = 0; i < gv_hands_count(loop->session); i++)
+    loop->state_reported[i] = loop->session[i].safety.state;
   loop->heap_calls_before = atomic_load(&loop->heap_calls);
   loop->page_faults_before = loop->page_faults;
   loop->overruns_now = 0;

@@ -61,7 +61,7 @@ typedef enum gv_stage { GV_STAGE_POLL, GV_STAGE_COMPUTE, GV_STAGE_SEND, GV_STAGE
 // after gv_loop_join.
 typedef struct gv_loop {
   gv_loop_config cfg;
-  gv_session *session;
+  gv_session *session;  // of each hand (hands.h)
   gv_driver *driver;
   int object_count;
   pthread_t thread;
@@ -78,7 +78,8 @@ typedef struct gv_loop {
                                         // without one
   _Atomic uint64_t heap_calls;          // in this thread since the end of its first step
   gv_page_faults page_faults;           // likewise
-  gv_safety_state state_before_stop;    // of the safety machine when the loop began to end
+  gv_safety_state state_before_stop;    // of the safety machine when the loop began to end; of two that
+                                        // of the hand in a fault
   uint32_t faults_before_stop;
   gv_ring snapshots, records, steps, frames;  // to the slow thread
   gv_ring requests;                           // from the slow thread
@@ -101,8 +102,8 @@ typedef struct gv_loop {
   int64_t now_ns;            // session time of this step or repeat
   int64_t step_ns;           // its number x period
   uint32_t events;           // engine events since the last snapshot
-  gv_safety_state state_reported;
-  bool other_hand_reported, following_reported;
+  gv_safety_state state_reported[GV_HANDS];
+  bool other_hand_reported[GV_HANDS], following_reported;
   int64_t next_report[32];  // step before which an engine event bit is not reported again; 29:
                             // ladder, 30: sync, 31: overruns
   gv_sync sync;
@@ -118,7 +119,7 @@ typedef struct gv_loop {
   gv_frame recorded_slot[GV_LOOP_RECORDED];
 } gv_loop;
 
-// `loop` zeroed, its memory present (some 4.1 MB). `stop` may be set from a signal handler.
+// `loop` zeroed, its memory present (some 4.1 MB). `session`: as many as the engine has hands. `stop` may be set from a signal handler.
 void gv_loop_init(gv_loop *loop, const gv_loop_config *cfg, gv_session *session, gv_driver *driver,
                   int object_count, atomic_bool *stop);
 // Locks memory as configured and starts the thread. 0, or the errno of pthread_create.

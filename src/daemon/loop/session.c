@@ -273,7 +273,7 @@ static void step_safety(gv_session *session, unsigned frame_errors, unsigned per
     .tracker_interval_s = session->hand_source.interval_s,
     .status_interval_s = session->status_source.interval_s,
     .doubts = session->glove_doubt | (session->hand_source.doubt ? GV_FAULT_TRACKER : 0u) |
-              session->doubts_heard,
+              session->doubts_heard | (session->other_in_fault ? GV_FAULT_OTHER_DEVICE : 0u),
     .dead_man = held && !session->disarmed,
     .finite = all_finite(session->result.tension_n),
     .device_fault = (session->status_source.seen && (session->status.flags & GV_STATUS_FAULT)) ||
@@ -294,7 +294,7 @@ static bool is_older_than_allowed(const gv_source *source, double age_s, double 
 // Nothing that came or stayed away since the last step ends the force.
 static bool nothing_speaks_against(const gv_session *session) {
   const gv_safety_config *c = &session->cfg.safety;
-  return !session->switch_open && !session->doubts_heard &&
+  return !session->switch_open && !session->doubts_heard && !session->other_in_fault &&
          !is_older_than_allowed(&session->glove_source, session->glove_age_s, c->max_age_s) &&
          !is_older_than_allowed(&session->hand_source, session->hand_age_s, c->max_age_s) &&
          !is_older_than_allowed(&session->status_source, session->status_age_s, c->status_age_s);
@@ -317,7 +317,7 @@ static void measure_tendons(gv_session *session, int64_t now_ns) {
   if (!session->sample.glove_new)
     return;
   let_time_pass(session, now_ns);
-  gv_tendon_way(gv_engine_measured(session->engine), way_m);
+  gv_tendon_way(gv_engine_measured_of(session->engine, session->cfg.hand), way_m);
   gv_passivity_measure(&session->passivity, way_m);
 }
 
@@ -376,9 +376,8 @@ static double since_command_s(gv_session *session, int64_t now_ns) {
   return passed_s;
 }
 
-void gv_session_compute(gv_session *session, int64_t now_ns, const gv_frame *frame, int count,
-                        unsigned periods_skipped) {
-  const uint64_t errors_before = session->frames.errors;
+void gv_session_take(gv_session *session, int64_t now_ns, const gv_frame *frame, int count) {
+  session->errors_before = session->frames.errors;
   session->pause_s = gv_engine_counters(session->engine)->steps
                          ? (double)(now_ns - session->stepped_ns) * 1e-9
                          : 0.0;
@@ -388,9 +387,18 @@ void gv_session_compute(gv_session *session, int64_t now_ns, const gv_frame *fra
   take_frames(session, frame, count, now_ns);
   fill_sample(session);
   update_ages(session, now_ns);
-  gv_engine_step(session->engine, &session->sample, &session->result);
+}
+
+void gv_session_judge(gv_session *session, int64_t now_ns, unsigned periods_skipped) {
   measure_tendons(session, now_ns);
-  step_safety(session, (unsigned)(session->frames.errors - errors_before), periods_skipped);
+  step_safety(session, (unsigned)(session->frames.errors - session->errors_before), periods_skipped);
+}
+
+void gv_session_compute(gv_session *session, int64_t now_ns, const gv_frame *frame, int count,
+                        unsigned periods_skipped) {
+  gv_session_take(session, now_ns, frame, count);
+  gv_engine_step(session->engine, &session->sample, &session->result);
+  gv_session_judge(session, now_ns, periods_skipped);
 }
 
 void gv_session_hold(gv_session *session, int64_t now_ns, const gv_frame *frame, int count) {
@@ -419,7 +427,7 @@ static gv_coupling scaled(gv_coupling c, double factor) {
                        c.d_t < 0.0 ? c.d_t : c.d_t * root};
 }
 
-static bool force_may_flow(const gv_session *session) {
+bool gv_session_force_may_flow(const gv_session *session) {
   return gv_safety_lets_force_out(&session->safety) || largest(session->force_n) > 0.0;
 }
 
@@ -428,7 +436,7 @@ bool gv_session_request(gv_session *session, const gv_request *request) {
   const gv_config *cfg = gv_engine_config(engine);
   switch (request->kind) {
     case GV_REQUEST_RESET:
-      if (force_may_flow(session))
+      if (gv_session_force_may_flow(session))
         return false;
       gv_engine_reset(engine);
       return true;
@@ -439,7 +447,7 @@ bool gv_session_request(gv_session *session, const gv_request *request) {
     }
     case GV_REQUEST_FRICTION: return gv_engine_adjust(engine, &cfg->limb, &cfg->palm, request->value) == 0;
     case GV_REQUEST_DISARM: session->disarmed = true; return true;
-    case GV_REQUEST_SCENE: return !force_may_flow(session);
+    case GV_REQUEST_SCENE: return !gv_session_force_may_flow(session);
     case GV_REQUEST_START_LOG:
     case GV_REQUEST_STOP_LOG:
     case GV_REQUEST_TRACE:

@@ -30,6 +30,7 @@ typedef struct gv_session_config {
   gv_safety_config safety;
   gv_passivity_config passivity;
   gv_side side;      // a glove for the other hand is not used
+  int hand;          // of the engine's: 0, or 1 for the second
   bool replay;       // frames of a recording: its EFFORT frames are obeyed
   double period_s;   // of one gv_session_step
   double command_s;  // between two commands, where they are sent more often than the engine steps; 0:
@@ -70,15 +71,17 @@ typedef struct gv_session {
   uint32_t glove_doubt;  // GV_FAULT_SENSOR, GV_FAULT_OTHER_HAND: why the glove's newest sound frame
                          // was no sample
   // Of any sound frame since the last step began, whatever its counter says and whatever came after it:
-  bool switch_open;       // it has the dead-man switch open
-  uint32_t doubts_heard;  // gv_fault bits: it says that glove, tracker or device are in doubt
-  int64_t stepped_ns;     // now_ns of the last step
-  double pause_s;         // between the last two steps; 0 before the second
-  int64_t commanded_ns;   // now_ns of the last command
-  bool other_hand;        // a glove of the other hand was seen
-  bool disarmed;          // by request: the dead-man switch counts as open until it really is
-  gv_sample sample;       // what the engine got last
-  gv_step_result result;  // what it answered
+  bool switch_open;        // it has the dead-man switch open
+  uint32_t doubts_heard;   // gv_fault bits: it says that glove, tracker or device are in doubt
+  int64_t stepped_ns;      // now_ns of the last step
+  double pause_s;          // between the last two steps; 0 before the second
+  uint64_t errors_before;  // frames.errors when this step began
+  int64_t commanded_ns;    // now_ns of the last command
+  bool other_hand;         // a glove of the other hand was seen
+  bool disarmed;           // by request: the dead-man switch counts as open until it really is
+  bool other_in_fault;     // of two hands: the other one's device is (hands.h)
+  gv_sample sample;        // what the engine got last
+  gv_step_result result;   // what it answered
   double glove_age_s, hand_age_s, status_age_s;  // at the last command; infinite before the first message
   double force_n[GV_FINGERS];                    // what left through the limiter
   double force_max_n[GV_FINGERS];                // largest so far
@@ -104,7 +107,11 @@ int64_t gv_session_steps(const gv_session *session);
 void gv_session_step(gv_session *session, int64_t now_ns, const gv_frame *frame, int count,
                      unsigned periods_skipped, gv_frame *out_command);
 
-// One period at now_ns with the frames that came since the last one, and the number of periods that the
+// The two sides of an engine's step, for whoever steps it for several hands (hands.h): frames into
+// session->sample before it, and after it, with session->result, the safety machine.
+void gv_session_take(gv_session *session, int64_t now_ns, const gv_frame *frame, int count);
+void gv_session_judge(gv_session *session, int64_t now_ns, unsigned periods_skipped);
+// Both with the step between them, for an engine of one hand: one period at now_ns with the frames that came since the last one, and the number of periods that the
 // loop had to skip before it. Cost: the engine's step and below 2 us.
 void gv_session_compute(gv_session *session, int64_t now_ns, const gv_frame *frame, int count,
                         unsigned periods_skipped);
@@ -120,6 +127,8 @@ void gv_session_heed(gv_session *session, const gv_frame *frame, int count);
 // are far apart. The limiter reckons with the time since the last command. Always writes one.
 void gv_session_command(gv_session *session, int64_t now_ns, gv_frame *out_command);
 
+// A force flows, or may from the next command on.
+bool gv_session_force_may_flow(const gv_session *session);
 // Reset, scene (whether it may be changed now: the caller does it), coupling, friction or disarm, between
 // two steps. False: not now (a force may flow), nothing has changed.
 bool gv_session_request(gv_session *session, const gv_request *request);

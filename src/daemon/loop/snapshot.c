@@ -7,23 +7,50 @@
 #include <stdio.h>
 #include <string.h>
 
-static void fill_limbs(const gv_engine *engine, gv_snapshot_limb out[GV_LIMBS]) {
+static void fill_limbs(const gv_engine *engine, int hand, gv_snapshot_limb out[GV_LIMBS]) {
   for (int i = 0; i < GV_LIMBS; i++) {
-    out[i].T_world_limb = gv_engine_limb_pose(engine, i);
-    out[i].T_world_driver = gv_engine_driver_pose(engine, i);
-    gv_engine_coupling(engine, i, &out[i].force_n, &out[i].torque_nm);
+    const int limb = hand * GV_LIMBS + i;
+    out[i].T_world_limb = gv_engine_limb_pose(engine, limb);
+    out[i].T_world_driver = gv_engine_driver_pose(engine, limb);
+    gv_engine_coupling(engine, limb, &out[i].force_n, &out[i].torque_nm);
   }
 }
 
-static void fill_scene(const gv_engine *engine, int object_count, gv_snapshot *out) {
+// What a hand calls its limb; false: it is another hand's.
+static bool own_limb(int hand, int *io_limb) {
+  if (*io_limb < 0)
+    return true;
+  *io_limb -= hand * GV_LIMBS;
+  return *io_limb >= 0 && *io_limb < GV_LIMBS;
+}
+
+static void fill_contacts(const gv_engine *engine, int hand, gv_snapshot *out) {
+  int count;
+  const gv_contact *contact = gv_engine_contacts(engine, &count);
+  out->contact_count = 0;
+  for (int i = 0; i < count; i++) {
+    gv_contact *own = &out->contact[out->contact_count];
+    *own = contact[i];
+    out->contact_count += own_limb(hand, &own->limb);
+  }
+}
+
+static void fill_polygons(const gv_engine *engine, int hand, gv_snapshot *out) {
+  const int count = gv_engine_polygons(engine, out->polygon, GV_MAX_POLYGONS);
+  out->polygon_count = 0;
+  for (int i = 0; i < count; i++) {
+    gv_polygon_contact *own = &out->polygon[out->polygon_count];
+    *own = out->polygon[i];
+    out->polygon_count += own_limb(hand, &own->limb);
+  }
+}
+
+static void fill_objects(const gv_engine *engine, int object_count, gv_snapshot *out) {
   out->object_count = object_count;
   for (int i = 0; i < object_count; i++) {
     out->object[i].T_world_body = gv_engine_object_pose(engine, i);
     gv_engine_object_velocity(engine, i, &out->object[i].velocity_m_s, &out->object[i].spin_rad_s);
   }
-  const gv_contact *contact = gv_engine_contacts(engine, &out->contact_count);
-  memcpy(out->contact, contact, (size_t)out->contact_count * sizeof *contact);
-  out->polygon_count = gv_engine_polygons(engine, out->polygon, GV_MAX_POLYGONS);
 }
 
 static void fill_devices(const gv_session *session, gv_snapshot *out) {
@@ -47,6 +74,7 @@ static void fill_energy(const gv_passivity *passivity, gv_snapshot *out) {
 }
 
 void gv_snapshot_fill(const gv_session *session, int object_count, gv_snapshot *out) {
+  const int hand = out->hand = session->cfg.hand;
   out->counters = *gv_engine_counters(session->engine);
   out->step = gv_session_steps(session);
   out->limb_coupling = gv_engine_config(session->engine)->limb;
@@ -62,9 +90,11 @@ void gv_snapshot_fill(const gv_session *session, int object_count, gv_snapshot *
   memcpy(out->force_n, session->force_n, sizeof out->force_n);
   memcpy(out->measured_n, session->status.tension_n, sizeof out->measured_n);
   fill_energy(&session->passivity, out);
-  memcpy(out->angle_rad, gv_engine_angles(session->engine), sizeof out->angle_rad);
-  fill_limbs(session->engine, out->limb);
-  fill_scene(session->engine, object_count, out);
+  memcpy(out->angle_rad, gv_engine_angles_of(session->engine, hand), sizeof out->angle_rad);
+  fill_limbs(session->engine, hand, out->limb);
+  fill_objects(session->engine, object_count, out);
+  fill_contacts(session->engine, hand, out);
+  fill_polygons(session->engine, hand, out);
 }
 
 void gv_step_record_fill(const gv_session *session, int64_t now_ns, const gv_frame *frame, int count,
@@ -123,7 +153,7 @@ static void request_text(uint32_t bits, char out[GV_RECORD_TEXT]) {
            refused ? refusal_text(kind) : "");
 }
 
-void gv_record_text(const gv_record *record, char out[GV_RECORD_TEXT]) {
+static void record_text(const gv_record *record, char out[GV_RECORD_TEXT]) {
   switch (record->kind) {
     case GV_RECORD_STATE:
       snprintf(out, GV_RECORD_TEXT, "safety: %s -> %s%s%s", gv_safety_name(record->from),
@@ -148,4 +178,10 @@ void gv_record_text(const gv_record *record, char out[GV_RECORD_TEXT]) {
     case GV_RECORD_REQUEST: request_text(record->bits, out); return;
   }
   snprintf(out, GV_RECORD_TEXT, "unknown record");
+}
+
+void gv_record_text(const gv_record *record, char out[GV_RECORD_TEXT]) {
+  char text[GV_RECORD_TEXT];
+  record_text(record, text);
+  snprintf(out, GV_RECORD_TEXT, "%s%.100s", record->hand ? "second hand: " : "", text);
 }

@@ -17,7 +17,9 @@ typedef struct gv_snapshot_object {
 } gv_snapshot_object;
 
 // About 29 kB full; only the used part of object[], contact[] and polygon[] is written.
+// One hand with the world that it is in.
 typedef struct gv_snapshot {
+  int hand;       // 0, or 1 for the second
   int64_t step;   // engine steps so far, of all scenes
   double time_s;  // step number x period
   int64_t utime;  // us since 1970: wall clock at the loop's start + session time since then
@@ -42,7 +44,7 @@ typedef struct gv_snapshot {
   gv_snapshot_limb limb[GV_LIMBS];
   int object_count, contact_count, polygon_count;
   gv_snapshot_object object[GV_MAX_OBJECTS];
-  gv_contact contact[GV_MAX_CONTACTS];
+  gv_contact contact[GV_MAX_CONTACTS];  // of objects, and of this hand: its limbs from 0 to 15
   gv_polygon_contact polygon[GV_MAX_POLYGONS];
 } gv_snapshot;
 
@@ -77,6 +79,7 @@ enum { GV_RECORD_REFUSED = 256 };
 
 typedef struct gv_record {
   gv_record_kind kind;
+  int hand;  // whose state, or glove
   int64_t step;
   double time_s;
   int64_t utime;  // as in gv_snapshot

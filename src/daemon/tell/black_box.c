@@ -41,8 +41,8 @@ typedef struct range {
 } range;
 
 struct gv_black_box {
-  char folder[512], path[560];  // of the files being written, without their endings
-  char iface[16];
+  char folder[512], path[560];    // of the files being written, without their endings
+  char iface[2][GV_ABOUT_IFACE];  // of each hand
   const gv_about *about;
   gv_frame *frame;
   box_step *step;
@@ -95,17 +95,16 @@ static void make_folders(const char *folder) {
 // ---- keeping --------------------------------------------------------------------------------------------
 
 gv_black_box *gv_black_box_open(const char *folder, const gv_about *about) {
-  const char *fcu = about->fcu;
   const double rate_hz = about->rate_hz;
   gv_black_box *box = calloc(1, sizeof *box);
   if (!box)
     return NULL;
-  const bool can = strncmp(fcu, "can:", 4) == 0;
   box->about = about;
   snprintf(box->folder, sizeof box->folder, "%s", folder);
-  snprintf(box->iface, sizeof box->iface, "%.15s", can ? fcu + 4 : "can0");
+  gv_about_interfaces(about->fcu, about->fcu2, box->iface[0], box->iface[1]);
   box->step_room = (uint64_t)(rate_hz * KEPT_MS / 1000) + 1;
-  box->frame_room = (uint64_t)((rate_hz + DEVICE_FRAMES_HZ) * KEPT_MS / 1000) + 1;
+  const int hands = about->fcu2[0] ? 2 : 1;
+  box->frame_room = (uint64_t)(hands * (rate_hz + DEVICE_FRAMES_HZ) * KEPT_MS / 1000) + 1;
   box->step = calloc(box->step_room, sizeof *box->step);
   box->frame = calloc(box->frame_room, sizeof *box->frame);
   if (box->step && box->frame)
@@ -236,7 +235,7 @@ static void write_frame(gv_black_box *box, uint64_t number) {
   char line[GV_LOG_LINE_MAX + 1];
   gv_frame frame = box->frame[number % box->frame_room];
   frame.stamp_ns += box->wall_ns;
-  const int length = gv_log_format(&frame, box->iface, line);
+  const int length = gv_log_format(&frame, box->iface[frame.flags & GV_FRAME_SECOND ? 1 : 0], line);
   if (length > 0)
     fwrite(line, 1, (size_t)length, box->log);
 }

@@ -16,8 +16,8 @@ enum {
   GLOVE = GV_LIMBS,
   HEAD = 2 * GV_LIMBS,
   CONTACTS = HEAD + 1,
-  PER_CONTACT = 2 + GV_DRAKE_SHAFTS,  // dot, arrow head, shafts
-  OBJECTS = CONTACTS + GV_DRAKE_CONTACTS * PER_CONTACT
+  PER_CONTACT = 2 + GV_DRAKE_SHAFTS,                   // dot, arrow head, shafts
+  SECOND = CONTACTS + GV_DRAKE_CONTACTS * PER_CONTACT  // of a second hand, then the objects
 };
 
 // Rounded box: 12 meridians and 6 parallels of a sphere, none of them in a plane of symmetry, so that each
@@ -205,7 +205,8 @@ static void add_objects(gv_drake *drake, const gv_scene *scene) {
   }
 }
 
-void gv_drake_init(gv_drake *drake, const gv_hand_model *hand, const gv_scene *scene) {
+void gv_drake_init(gv_drake *drake, const gv_hand_model *hand, const gv_hand_model *second,
+                   const gv_scene *scene) {
   drake->scene = scene;
   drake->link_count = drake->number_count = 0;
   add_limbs(drake, hand, "hand", hand_color);
@@ -213,7 +214,16 @@ void gv_drake_init(gv_drake *drake, const gv_hand_model *hand, const gv_scene *s
   add_head(drake);
   for (int i = 0; i < GV_DRAKE_CONTACTS; i++)
     add_contact(drake, i);
+  drake->second_first = second ? drake->link_count : -1;
+  drake->second_contacts = 0;
+  if (second) {
+    add_limbs(drake, second, "hand2", hand_color);
+    add_limbs(drake, second, "glove2", glove_color);
+  }
+  drake->objects_first = drake->link_count;
   add_objects(drake, scene);
+  for (int i = SECOND; i < drake->objects_first; i++)
+    drake->T_world_link[i] = hidden;
 }
 
 // ---- poses --------------------------------------------------------------------------------------------
@@ -253,11 +263,11 @@ static void place_arrow(gv_pose *part, gv_vec3 p, gv_vec3 force_n) {
   }
 }
 
-// The strongest contacts, strongest first, equal ones in the order of the snapshot; returns how many.
-static int choose_contacts(const gv_snapshot *snapshot, const gv_contact *out[GV_DRAKE_CONTACTS]) {
-  int count = 0;
-  for (int i = 0; i < snapshot->contact_count; i++) {
-    const gv_contact *contact = &snapshot->contact[i];
+// The strongest contacts, strongest first, equal ones in their order; returns how many.
+static int choose_contacts(const gv_contact *of, int of_count, int count,
+                           const gv_contact *out[GV_DRAKE_CONTACTS]) {
+  for (int i = 0; i < of_count; i++) {
+    const gv_contact *contact = &of[i];
     int place = count;
     for (; place > 0 && gv_norm2(out[place - 1]->force_world) < gv_norm2(contact->force_world); place--)
       if (place < GV_DRAKE_CONTACTS)
@@ -272,7 +282,8 @@ static int choose_contacts(const gv_snapshot *snapshot, const gv_contact *out[GV
 
 static void place_contacts(gv_drake *drake, const gv_snapshot *snapshot) {
   const gv_contact *contact[GV_DRAKE_CONTACTS];
-  const int count = choose_contacts(snapshot, contact);
+  int count = choose_contacts(snapshot->contact, snapshot->contact_count, 0, contact);
+  count = choose_contacts(drake->second_contact, drake->second_contacts, count, contact);
   for (int i = 0; i < GV_DRAKE_CONTACTS; i++) {
     gv_pose *part = &drake->T_world_link[CONTACTS + i * PER_CONTACT];
     for (int k = 0; k < PER_CONTACT; k++)
@@ -284,17 +295,34 @@ static void place_contacts(gv_drake *drake, const gv_snapshot *snapshot) {
   }
 }
 
+static void place_limbs(gv_pose T[2 * GV_LIMBS], bool hand_seen, const gv_snapshot *snapshot) {
+  for (int i = 0; i < GV_LIMBS; i++) {
+    T[i] = hand_seen ? snapshot->limb[i].T_world_limb : hidden;
+    T[GLOVE + i] = hand_seen ? snapshot->limb[i].T_world_driver : hidden;
+  }
+}
+
+// Contacts between objects are drawn with the first hand.
+void gv_drake_update_second(gv_drake *drake, const gv_snapshot *snapshot) {
+  const gv_contact *contact[GV_DRAKE_CONTACTS];
+  int count = choose_contacts(snapshot->contact, snapshot->contact_count, 0, contact);
+  drake->second_contacts = 0;
+  for (int i = 0; i < count; i++)
+    if (contact[i]->limb >= 0)
+      drake->second_contact[drake->second_contacts++] = *contact[i];
+  if (drake->second_first >= 0)
+    place_limbs(&drake->T_world_link[drake->second_first], snapshot->hand_seen, snapshot);
+}
+
 void gv_drake_update(gv_drake *drake, const gv_snapshot *snapshot) {
   gv_pose *T = drake->T_world_link;
   const bool hand_seen = snapshot->counters.samples > 0;
-  for (int i = 0; i < GV_LIMBS; i++) {
-    T[HAND + i] = hand_seen ? snapshot->limb[i].T_world_limb : hidden;
-    T[GLOVE + i] = hand_seen ? snapshot->limb[i].T_world_driver : hidden;
-  }
+  place_limbs(&T[HAND], hand_seen, snapshot);
   T[HEAD] = snapshot->head_seen ? snapshot->T_world_head : hidden;
   place_contacts(drake, snapshot);
   for (int i = 0; i < snapshot->object_count; i++)
-    T[OBJECTS + i] = gv_snapshot_object_pose(&drake->scene->object[i], snapshot->object[i].T_world_body);
+    T[drake->objects_first + i] = gv_snapshot_object_pose(&drake->scene->object[i],
+                                                          snapshot->object[i].T_world_body);
   for (int i = 0; i < drake->link_count; i++)
     T[i] = sound(T[i]);
 }

@@ -2,7 +2,8 @@
 // The picture for Drake's viewer (Meldis) as plain numbers: which shapes there are, and where they are in a
 // snapshot. telemetry_picture.c puts them into messages. Slow thread; gv_drake_init belongs to set-up.
 //
-// Folders in the viewer: hand (simulated limbs), glove (the measured hand: it may lie inside objects),
+// Folders in the viewer: hand (simulated limbs), glove (the measured hand: it may lie inside objects), hand2 and
+// glove2 of a second hand,
 // objects, contacts (a dot each), forces (an arrow each, on the limb or object A of the contact), head.
 //
 // The viewer cannot change a shape once it is loaded. An arrow's shaft is a telescope of four cylinders
@@ -17,9 +18,9 @@
 enum {
   GV_DRAKE_CONTACTS = 24,  // dots and arrows: the strongest contacts of a snapshot
   GV_DRAKE_SHAFTS = 4,
-  GV_DRAKE_LINKS = 2 * GV_LIMBS + 1 + GV_MAX_OBJECTS + GV_DRAKE_CONTACTS * (2 + GV_DRAKE_SHAFTS),
+  GV_DRAKE_LINKS = GV_HANDS * 2 * GV_LIMBS + 1 + GV_MAX_OBJECTS + GV_DRAKE_CONTACTS * (2 + GV_DRAKE_SHAFTS),
   GV_DRAKE_NAME = 48,
-  GV_DRAKE_NUMBERS = 11500  // floats of all shapes: 46 kB, so that the whole message stays below 64 kB
+  GV_DRAKE_NUMBERS = 11000  // floats of all shapes: 44 kB, so that the whole message stays below 64 kB
 };
 
 typedef enum gv_drake_type {  // as on the wire
@@ -41,9 +42,11 @@ typedef struct gv_drake_link {
 
 typedef struct gv_drake {
   const gv_scene *scene;
-  int link_count;
+  int link_count, objects_first, second_first;  // links; second_first -1: one hand
   gv_drake_link link[GV_DRAKE_LINKS];
   gv_pose T_world_link[GV_DRAKE_LINKS];
+  int second_contacts;  // of the second hand's newest snapshot, strongest first
+  gv_contact second_contact[GV_DRAKE_CONTACTS];
   int number_count;
   float number[GV_DRAKE_NUMBERS];
 } gv_drake;
@@ -51,8 +54,12 @@ typedef struct gv_drake {
 // Every shape. The scene must outlive it. Meshes that do not fit are thinned: vertices that lie
 // close together become one. Takes temporary memory from the heap; where there is none the
 // object is left out of the picture.
-void gv_drake_init(gv_drake *drake, const gv_hand_model *hand, const gv_scene *scene);
+// second: null, one hand.
+void gv_drake_init(gv_drake *drake, const gv_hand_model *hand, const gv_hand_model *second,
+                   const gv_scene *scene);
 // T_world_link of every link. Poses are finite, quaternions of unit length, whatever the snapshot holds.
+// From the first hand's snapshot, after the second one's.
 void gv_drake_update(gv_drake *drake, const gv_snapshot *snapshot);
+void gv_drake_update_second(gv_drake *drake, const gv_snapshot *snapshot);
 
 #endif

@@ -8,7 +8,8 @@
 
 #include "gloved/drivers.h"
 
-int gv_recorder_open(gv_recorder *recorder, const char *path, const char *fcu, char *err, size_t err_size) {
+int gv_recorder_open(gv_recorder *recorder, const char *path, const char *fcu, const char *fcu2, char *err,
+                     size_t err_size) {
   struct timespec now;
   *recorder = (gv_recorder){.path = path, .file = fopen(path, "w")};
   if (!recorder->file) {
@@ -16,8 +17,7 @@ int gv_recorder_open(gv_recorder *recorder, const char *path, const char *fcu, c
              strerror(errno));
     return -1;
   }
-  const bool can = strncmp(fcu, "can:", 4) == 0;
-  snprintf(recorder->iface, sizeof recorder->iface, "%.15s", can ? fcu + 4 : "can0");
+  gv_about_interfaces(fcu, fcu2, recorder->iface[0], recorder->iface[1]);
   clock_gettime(CLOCK_REALTIME, &now);
   recorder->start_ns = ((int64_t)now.tv_sec * 1000000 + now.tv_nsec / 1000) * 1000;
   return 0;
@@ -29,7 +29,8 @@ void gv_recorder_frame(gv_recorder *recorder, const gv_frame *recorded) {
   if (!recorder->file || recorder->failed)
     return;
   frame.stamp_ns += recorder->start_ns;
-  const size_t length = (size_t)gv_log_format(&frame, recorder->iface, line);
+  const size_t length = (size_t)gv_log_format(&frame, recorder->iface[frame.flags & GV_FRAME_SECOND ? 1 : 0],
+                                              line);
   if (fwrite(line, 1, length, recorder->file) != length)
     recorder->failed = true;
   recorder->wrote = true;

@@ -10,19 +10,21 @@
 #include <stdbool.h>
 #include <stdio.h>
 
+#include "daemon/load/about.h"
 #include "gloved/frame.h"
 
 typedef struct gv_recorder {
-  FILE *file;        // null: nothing is recorded
-  const char *path;  // the caller's
-  char iface[16];    // as the log names it
-  int64_t start_ns;  // time of day of step 0, whole microseconds
-  bool failed;       // the disk refused
-  bool wrote;        // since the last flush
+  FILE *file;                     // null: nothing is recorded
+  const char *path;               // the caller's
+  char iface[2][GV_ABOUT_IFACE];  // of each hand, as the log names it
+  int64_t start_ns;               // time of day of step 0, whole microseconds
+  bool failed;                    // the disk refused
+  bool wrote;                     // since the last flush
 } gv_recorder;
 
-// `fcu`: the URL, for the interface's name. 0, or negative with one line in err.
-int gv_recorder_open(gv_recorder *recorder, const char *path, const char *fcu, char *err, size_t err_size);
+// fcu, fcu2: the URLs, for the interfaces' names. 0, or negative with one line in err.
+int gv_recorder_open(gv_recorder *recorder, const char *path, const char *fcu, const char *fcu2, char *err,
+                     size_t err_size);
 // A line of the file; nothing where there is none.
 void gv_recorder_frame(gv_recorder *recorder, const gv_frame *recorded);
 // Hands what was written to the kernel: a crash after that loses nothing of it.

@@ -52,7 +52,7 @@ static void empty_rings(gv_loop *loop, const gv_listeners *to) {
   gv_recorder_flush(to->recorder);
   while ((record = gv_ring_peek(&loop->records))) {
     gv_telemetry_record(to->telemetry, record);
-    if (record->kind == GV_RECORD_STATE)
+    if (record->kind == GV_RECORD_STATE && record->hand == 0)
       gv_notify_status(to->notify, gv_safety_name(record->to),
                        record->bits ? gv_fault_text(record->bits) : "");
     gv_black_box_record(to->black_box, record);
@@ -61,8 +61,11 @@ static void empty_rings(gv_loop *loop, const gv_listeners *to) {
   }
   while ((snapshot = gv_ring_peek(&loop->snapshots))) {
     gv_telemetry_snapshot(to->telemetry, snapshot);
-    gv_view_snapshot(to->view, clock_ns(), loop, snapshot);
-    gv_held_snapshot(to->held, to->scene, snapshot);
+    if (snapshot->hand)
+      gv_view_second(to->view, snapshot);
+    else
+      gv_view_snapshot(to->view, clock_ns(), loop, snapshot);
+    gv_held_snapshot(&to->held[snapshot->hand], to->scene, snapshot);
     gv_ring_release(&loop->snapshots);
   }
   while ((step = gv_ring_peek(&loop->steps))) {

@@ -7,6 +7,7 @@
 #include <math.h>
 
 #include "daemon/load/config_load.h"
+#include "daemon/loop/hands.h"
 #include "daemon/tell/about_json.h"
 #include "daemon/tell/json.h"
 
@@ -134,6 +135,20 @@ static void put_objects(FILE *out, const gv_session *session, const gv_scene *sc
   fputs(scene->object_count ? "\n  ],\n" : "],\n", out);
 }
 
+static void put_second(FILE *out, const gv_session *session) {
+  const gv_frame_counters *f = &session->frames;
+  fputs("  \"second_hand\": {\"faults\": ", out);
+  gv_json_text(out, gv_fault_text(session->faults_seen));
+  fputs(", \"force_max_n\": ", out);
+  put_numbers(out, session->force_max_n, GV_FINGERS);
+  fputs(", \"force_final_n\": ", out);
+  put_numbers(out, session->force_n, GV_FINGERS);
+  fprintf(out,
+          ", \"frames\": {\"rx\": %" PRIu64 ", \"tx\": %" PRIu64 ", \"lost\": %" PRIu64 ", \"bad\": %" PRIu64
+          ", \"late\": %" PRIu64 "}},\n",
+          f->rx, f->tx, f->lost, f->bad, f->late);
+}
+
 int gv_summary_json(const gv_summary *s, FILE *out) {
   const gv_session *session = s->loop->session;
   fputs("{\n  \"about\": ", out);
@@ -156,6 +171,8 @@ int gv_summary_json(const gv_summary *s, FILE *out) {
   put_telemetry(out, s);
   put_frames(out, &session->frames, &s->driver);
   put_objects(out, session, s->scene, s->held);
+  if (gv_hands_count(session) > 1)
+    put_second(out, &session[1]);
   fputs("  \"force_final_n\": ", out);
   put_numbers(out, session->force_n, GV_FINGERS);
   fprintf(out, ",\n  \"memory\": {\"used\": %zu, \"peak\": %zu, \"size\": %zu}\n}\n", s->arena->used,
@@ -178,13 +195,26 @@ static void print_places(const gv_summary *s, FILE *out) {
 }
 
 // What matters, last.
-static void print_grasps(const gv_summary *s, FILE *out) {
+static void print_grasps(const gv_summary *s, int hand, FILE *out) {
   for (int i = 0; i < s->scene->object_count; i++) {
-    const gv_held_object *held = &s->held->object[i];
+    const gv_held_object *held = &s->held[hand].object[i];
     if (held->seconds > 0.0)
-      fprintf(out, "  %s was held for %.1f s, up to %.0f mm above its place: it moved %.4f mm in the hand\n",
-              s->scene->object[i].name, held->seconds, held->lift_m * 1e3, held->moved_m * 1e3);
+      fprintf(out,
+              "  %s was held for %.1f s, up to %.0f mm above its place: it moved %.4f mm in the %shand\n",
+              s->scene->object[i].name, held->seconds, held->lift_m * 1e3, held->moved_m * 1e3,
+              hand ? "second " : "");
   }
+}
+
+static void print_second(const gv_session *session, FILE *out) {
+  const double *force = session->force_max_n;
+  fprintf(out,
+          "  second hand: largest forces %.2f %.2f %.2f %.2f %.2f N%s%s; frames in %" PRIu64 ", out %" PRIu64
+          ", lost %" PRIu64 ", bad %" PRIu64 ", late %" PRIu64 "\n",
+          force[0], force[1], force[2], force[3], force[4],
+          session->faults_seen ? "; faults on the way: " : "",
+          session->faults_seen ? gv_fault_text(session->faults_seen) : "", session->frames.rx,
+          session->frames.tx, session->frames.lost, session->frames.bad, session->frames.late);
 }
 
 static void print_time(const gv_loop *loop, FILE *out) {
@@ -244,7 +274,10 @@ void gv_summary_print(const gv_summary *s, FILE *out) {
   fprintf(out,
           "  frames in %" PRIu64 ", out %" PRIu64 ", lost %" PRIu64 ", bad %" PRIu64 ", late %" PRIu64 "\n",
           frames->rx, frames->tx, frames->lost, frames->bad + s->driver.bad, frames->late);
+  if (gv_hands_count(session) > 1)
+    print_second(&session[1], out);
   print_warnings(s, out);
   fprintf(out, "  state hash %016" PRIx64 "\n", gv_engine_hash(session->engine));
-  print_grasps(s, out);
+  for (int i = 0; i < gv_hands_count(session); i++)
+    print_grasps(s, i, out);
 }

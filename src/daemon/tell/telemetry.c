@@ -62,7 +62,7 @@ static void point_into(gv_telemetry *telemetry) {
 
 static void take_scene(gv_telemetry *telemetry) {
   point_into(telemetry);
-  gv_drake_init(&telemetry->viewer.drake, telemetry->hand, telemetry->scene);
+  gv_drake_init(&telemetry->viewer.drake, telemetry->hand, telemetry->second, telemetry->scene);
   gv_telemetry_point_picture(&telemetry->viewer);
 }
 
@@ -105,6 +105,7 @@ gv_telemetry *gv_telemetry_open(const gv_telemetry_config *cfg, char *err, size_
   telemetry.arena = cfg->arena;
   telemetry.give_up = cfg->give_up;
   telemetry.hand = cfg->hand;
+  telemetry.second = cfg->second;
   telemetry.about = cfg->about;
   telemetry.settings = cfg->settings;
   telemetry.begin_scene = cfg->begin_scene;

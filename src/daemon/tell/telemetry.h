@@ -15,11 +15,12 @@
 typedef struct gv_telemetry gv_telemetry;
 
 typedef struct gv_telemetry_config {
-  const char *lcm_url;        // "none": no network
-  bool lcm_required;          // an LCM that does not start is an error
-  const gv_scene *scene;      // must outlive the telemetry
-  const gv_hand_model *hand;  // drawn
-  const gv_arena *arena;      // its figures are published; must outlive the telemetry
+  const char *lcm_url;          // "none": no network
+  bool lcm_required;            // an LCM that does not start is an error
+  const gv_scene *scene;        // must outlive the telemetry
+  const gv_hand_model *hand;    // drawn
+  const gv_hand_model *second;  // likewise; null: none
+  const gv_arena *arena;        // its figures are published; must outlive the telemetry
   // Begins to load the scene in this file beside the loop. Null, or why not and what to do.
   // Null here: no scene by command.
   const char *(*begin_scene)(void *user, const char *file, int64_t now_ns);
@@ -42,7 +43,7 @@ void gv_telemetry_attach(gv_telemetry *telemetry, gv_loop *loop);
 // The scene given to gv_telemetry_open has other objects now; answers the command that asked
 // for it. Before the loop goes on.
 void gv_telemetry_change_scene(gv_telemetry *telemetry);
-// GLOVED_STATE, and when it is time GLOVED_STATS and the viewer's messages. Encodes into a static buffer; may
+// GLOVED_STATE or GLOVED_STATE2, and when it is time GLOVED_STATS and the viewer's messages. Encodes into a static buffer; may
 // block as long as the network does (130 ms were seen).
 void gv_telemetry_snapshot(gv_telemetry *telemetry, const gv_snapshot *snapshot);
 // GLOVED_EVENT.

@@ -334,10 +334,9 @@ void gv_telemetry_record(gv_telemetry *telemetry, const gv_record *record) {
 
 // ---- a snapshot, all of it ----
 
-void gv_telemetry_snapshot(gv_telemetry *telemetry, const gv_snapshot *snapshot) {
+// GLOVED_STATE, and GLOVED_STATE2 of a second hand: the same message, the same world, its own hand.
+static void send_state(gv_telemetry *telemetry, const gv_snapshot *snapshot) {
   gloved_state_t *state = &telemetry->state;
-  if (!telemetry->lcm && !telemetry->log)
-    return;
   state->utime = snapshot->utime;
   state->step = snapshot->step;
   state->time_s = snapshot->time_s;
@@ -350,9 +349,20 @@ void gv_telemetry_snapshot(gv_telemetry *telemetry, const gv_snapshot *snapshot)
   put_objects(telemetry, snapshot);
   put_contacts(telemetry, snapshot);
   put_polygons(telemetry, snapshot);
-  gv_telemetry_send(telemetry, "GLOVED_STATE", state->utime,
+  gv_telemetry_send(telemetry, snapshot->hand ? "GLOVED_STATE2" : "GLOVED_STATE", state->utime,
                     gloved_state_t_encode(telemetry->message, 0, MESSAGE_MAX, state));
-  if (gv_telemetry_is_due(&telemetry->next_stats_us, state->utime, STATS_US))
+}
+
+// The first hand's snapshot comes last, and the rest with it.
+void gv_telemetry_snapshot(gv_telemetry *telemetry, const gv_snapshot *snapshot) {
+  if (!telemetry->lcm && !telemetry->log)
+    return;
+  send_state(telemetry, snapshot);
+  if (snapshot->hand) {
+    gv_drake_update_second(&telemetry->viewer.drake, snapshot);
+    return;
+  }
+  if (gv_telemetry_is_due(&telemetry->next_stats_us, snapshot->utime, STATS_US))
     send_stats(telemetry, snapshot);
   gv_telemetry_send_picture(telemetry, snapshot);
   count_rates(&telemetry->rates, snapshot);

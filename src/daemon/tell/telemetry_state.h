@@ -93,7 +93,7 @@ struct gv_telemetry {
   const gv_scene *scene;
   const gv_arena *arena;
   const atomic_bool *give_up;
-  const gv_hand_model *hand;
+  const gv_hand_model *hand, *second;
   const gv_about *about;
   const gv_settings *settings;
   const char *(*begin_scene)(void *user, const char *file, int64_t now_ns);

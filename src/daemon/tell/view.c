@@ -58,6 +58,16 @@ static void put_forces(screen *out, const gv_view *view, const gv_snapshot *s) {
   }
 }
 
+// One line: what the first hand has a screen for.
+static void put_second(screen *out, const gv_view *view) {
+  const gv_view_hand *h = &view->second;
+  const double *n = h->force_n;
+  if (!h->seen)
+    return;
+  put_line(out, "second hand: %s%s%s, commanded %.2f %.2f %.2f %.2f %.2f N", gv_safety_name(h->safety),
+           h->faults ? ", " : "", h->faults ? gv_fault_text(h->faults) : "", n[0], n[1], n[2], n[3], n[4]);
+}
+
 static void put_numbers(screen *out, const gv_loop *loop, const gv_snapshot *s) {
   const gv_quantiles step = gv_histogram_quantiles(&loop->step);
   const gv_quantiles wake = gv_histogram_quantiles(&loop->wake);
@@ -114,6 +124,7 @@ static void draw_screen(gv_view *view, const gv_loop *loop, const gv_snapshot *s
   out.length = (size_t)snprintf(out.text, SCREEN_BYTES, "\033[H");
   put_head(&out, view, loop, snapshot);
   put_forces(&out, view, snapshot);
+  put_second(&out, view);
   put_line(&out, "%s", "");
   put_numbers(&out, loop, snapshot);
   put_line(&out, "%s", "");
@@ -126,12 +137,16 @@ static void draw_screen(gv_view *view, const gv_loop *loop, const gv_snapshot *s
   fflush(stdout);
 }
 
-static void print_line(const gv_loop *loop, const gv_snapshot *s) {
+static void print_line(const gv_view *view, const gv_loop *loop, const gv_snapshot *s) {
   const gv_quantiles step = gv_histogram_quantiles(&loop->step);
   printf("%8.1f s  %-7s contacts %3d  force %5.2f %5.2f %5.2f %5.2f %5.2f N  step p50 %.0f p99 %.0f us  "
          "missed %llu\n",
          s->time_s, gv_safety_name(s->safety), s->contact_count, s->force_n[0], s->force_n[1], s->force_n[2],
          s->force_n[3], s->force_n[4], step.p50_us, step.p99_us, (unsigned long long)s->missed_deadlines);
+  const double *n = view->second.force_n;
+  if (view->second.seen)
+    printf("     second  %-7s               force %5.2f %5.2f %5.2f %5.2f %5.2f N\n",
+           gv_safety_name(view->second.safety), n[0], n[1], n[2], n[3], n[4]);
   fflush(stdout);
 }
 
@@ -167,6 +182,11 @@ void gv_view_record(gv_view *view, const gv_record *record) {
     printf("%s\n", view->record[GV_VIEW_RECORDS - 1]);
 }
 
+void gv_view_second(gv_view *view, const gv_snapshot *snapshot) {
+  view->second = (gv_view_hand){.seen = true, .safety = snapshot->safety, .faults = snapshot->faults};
+  memcpy(view->second.force_n, snapshot->force_n, sizeof view->second.force_n);
+}
+
 void gv_view_snapshot(gv_view *view, int64_t now_ns, const gv_loop *loop, const gv_snapshot *snapshot) {
   if (view->quiet || now_ns < view->next_ns)
     return;
@@ -174,7 +194,7 @@ void gv_view_snapshot(gv_view *view, int64_t now_ns, const gv_loop *loop, const 
   if (view->terminal)
     draw_screen(view, loop, snapshot);
   else
-    print_line(loop, snapshot);
+    print_line(view, loop, snapshot);
   view->screens++;
 }
 

@@ -14,7 +14,16 @@ enum {
   GV_VIEW_HISTORY = 10  // screens between two compared poses: slip per second at 10 Hz
 };
 
+// Of the second hand, in a line.
+typedef struct gv_view_hand {
+  bool seen;
+  gv_safety_state safety;
+  uint32_t faults;
+  double force_n[GV_FINGERS];
+} gv_view_hand;
+
 typedef struct gv_view {
+  gv_view_hand second;
   const gv_scene *scene;
   const char *title;
   bool quiet, terminal;
@@ -34,6 +43,8 @@ void gv_view_record(gv_view *view, const gv_record *record);
 // What a device has to say: on standard error, and among the events of the screen.
 void gv_view_note(gv_view *view, const char *text);
 // Draws when it is time; now_ns of CLOCK_MONOTONIC.
+// What the next screen says of the second hand.
+void gv_view_second(gv_view *view, const gv_snapshot *snapshot);
 void gv_view_snapshot(gv_view *view, int64_t now_ns, const gv_loop *loop, const gv_snapshot *snapshot);
 // Gives the terminal back as it was.
 void gv_view_close(gv_view *view);
