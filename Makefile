@@ -129,7 +129,7 @@ pictures: build/.browser-packages build/venv-browser/.done build/venv-plot/.done
 	$(Q)$(B)/gloved-grasp build/scenes/cat.scene -o build/cat.user --seed $(CAT_SEED)
 	$(Q)build/venv-browser/bin/python tools/pictures.py $(B) data/pictures box=data/scenes/box.scene,power_box \
 	  bunny=build/scenes/bunny.scene,power_box horse=build/scenes/horse.scene,build/horse.user cat=build/scenes/cat.scene,build/cat.user \
-	  bolt=data/scenes/bolt.scene,bolt_in_bore,time=7.2
+	  bolt=data/scenes/bolt.scene,bolt_in_bore,time=7.2 handover=data/scenes/handover.scene,give_bar+take_bar,time=7.8
 	$(Q)$(B)/gloved --fcu 'sim:data/scripts/power_box.user?speed=0' --lcm none --log build/power_box.lcm >/dev/null
 	$(Q)build/venv-plot/bin/python tools/gloved_plot.py build/power_box.lcm --out build/power_box-plots >/dev/null
 	$(Q)cp build/power_box-plots/power_box-force.png data/pictures/force.png

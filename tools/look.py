@@ -93,6 +93,7 @@ class Picture:
     def __init__(self):
         self.changed = threading.Condition()
         self.event, self.number, self.raw_load, self.damaged = {}, {}, None, 0
+        self.second = None  # hand's newest state: gloved sends it just before the first one's of the same step
 
     def put(self, kind, content):
         with self.changed:
@@ -105,7 +106,7 @@ class Picture:
         if data == self.raw_load:  # once a second, always the same
             return
         links = gloved_log.types().viewer_load_t.decode(data).link
-        kept = [link for link in links if link.name.startswith(("hand::", "objects::"))]
+        kept = [link for link in links if link.name.startswith(("hand::", "hand2::", "objects::"))]
         self.put("load", plain(kept, SHAPE))
         self.raw_load = data
 
@@ -113,12 +114,23 @@ class Picture:
     def on_about(self, _, data):
         self.put("about", plain(gloved_log.types().about_t.decode(data), ABOUT))
 
-    @careful
-    def on_state(self, _, data):
+    def state_of(self, data):
         state = gloved_log.types().state_t.decode(data)
         if not 0 <= state.safety_state <= 6:
             raise ValueError("no such state of the safety machine")
-        self.put("state", plain(state, STATE))
+        return state
+
+    @careful
+    def on_second(self, _, data):
+        self.second = self.state_of(data)
+
+    @careful
+    def on_state(self, _, data):
+        state, second = self.state_of(data), self.second
+        content = plain(state, STATE)
+        if second and second.step == state.step:
+            content["second"] = plain(second, STATE)
+        self.put("state", content)
 
     def wait(self, seen):
         """What is newer than `seen` (kind to number), which is brought up to date."""
@@ -285,6 +297,7 @@ def listen():
                          "(ip route add 224.0.0.0/4 dev lo)")
     link.subscribe("DRAKE_VIEWER_LOAD_ROBOT", Page.picture.on_load)
     link.subscribe("GLOVED_ABOUT", Page.picture.on_about)
+    link.subscribe("GLOVED_STATE2", Page.picture.on_second).set_queue_capacity(5)
     link.subscribe("GLOVED_STATE", Page.picture.on_state).set_queue_capacity(5)
     return link
 

@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: BSD-3-Clause
-"""pictures.py BUILD FOLDER NAME=SCENE,SCRIPT[,ADDRESS]... - the page of gloved-look as FOLDER/NAME.jpg, for the documentation: each a run of
+"""pictures.py BUILD FOLDER NAME=SCENE,SCRIPT[+SCRIPT2][,ADDRESS]... - the page of gloved-look as FOLDER/NAME.jpg, for the documentation: each a run of
 the simulated user as fast as it goes, played in headless Chromium at what ADDRESS says (time=7&camera=palm, see look.js)."""
 import io
 import os
@@ -19,7 +19,8 @@ LOADED = "window.gloved && !gloved.shown.live && gloved.shown.whole && gloved.sh
 
 def record(build, folder, name, scene, script):
     log = os.path.join(folder, name + ".lcm")
-    subprocess.run([build + "/gloved", "--fcu", f"sim:{script}?speed=0", "--scene", scene, "--lcm", "none", "--log", log], check=True,
+    fcus = [part for option, one in zip(("--fcu", "--fcu2"), script.split("+")) for part in (option, f"sim:{one}?speed=0")]
+    subprocess.run([build + "/gloved", *fcus, "--scene", scene, "--lcm", "none", "--log", log], check=True,
                    stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     return log
 
@@ -51,7 +52,7 @@ def take(folder, log, address):
 
 def main():
     if len(sys.argv) < 4:
-        raise SystemExit("usage: pictures.py BUILD FOLDER NAME=SCENE,SCRIPT[,ADDRESS]...")
+        raise SystemExit("usage: pictures.py BUILD FOLDER NAME=SCENE,SCRIPT[+SCRIPT2][,ADDRESS]...")
     build, out, *wanted = sys.argv[1:]
     for one in wanted:
         name, _, rest = one.partition("=")

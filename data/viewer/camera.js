@@ -32,14 +32,14 @@ export class Camera {
     this.shift.set(0, 0, 0);
   }
 
-  // `palm`: {p, q} or null; `head`: the same, only where there is a tracker on it.
+  // `palm`: {p, q, apart} or null: of two hands the middle, and how far they are apart; `head`: the same, only where there is a tracker on it.
   follow(palm, head, passed_s) {
     if (this.preset === "head" && head) return this.lookAsHead(head);
     if (!palm) return this.place();
     const fingers = new THREE.Vector3(1, 0, 0).applyQuaternion(palm.q), palmar = new THREE.Vector3(0, 0, -1).applyQuaternion(palm.q);
     const wanted = palm.p.clone().addScaledVector(fingers, 0.03).addScaledVector(palmar, 0.03).add(this.shift);
     if (!this.aimed) {
-      this.aim(fingers, palmar);
+      this.aim(fingers, palmar, palm.apart);
       this.target.copy(wanted);
       this.aimed = true;
     }
@@ -47,12 +47,12 @@ export class Camera {
     this.place();
   }
 
-  aim(fingers, palmar) {
+  aim(fingers, palmar, apart_m) {
     const preset = PRESETS[this.preset] || PRESETS.palm, flat = v => v.clone().setZ(v.z * 0.3);
     const to = flat(palmar).multiplyScalar(preset.palmar).addScaledVector(flat(fingers), preset.fingers).addScaledVector(UP, preset.up).normalize();
     this.turn = Math.atan2(to.y, to.x);
     this.lift = Math.asin(Math.max(-1, Math.min(1, to.z)));
-    this.distance = preset.distance;
+    this.distance = preset.distance + apart_m;
   }
 
   place() {

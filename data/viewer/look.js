@@ -198,14 +198,17 @@ function tell(states) {
   by("play").textContent = playing ? "❚❚" : "▶";
   by("live").classList.toggle("on", isLive() && followed && connected);
   by("names").replaceChildren(...(logs.length > 1 ? logs.map((log, i) => span(`${"AB"[i]}: ${log.name}`)) : []));
-  by("key").textContent = logs.length > 1 ? "newtons; A filled, B dashed" : "newtons; filled: commanded, thin: measured by the device";
+  const second = runs().length === 1 && run.second_curves.t.length > 0;
+  by("key").textContent = logs.length > 1 ? "newtons; A filled, B dashed" : second ? "newtons, as commanded; dashed: the second hand"
+    : "newtons; filled: commanded, thin: measured by the device";
   tellScale();
   if (!state) return;
   const word = warning && isLive() ? "silent" : SAFETY[state.safety_state] ?? "?";
   by("state").textContent = word;
   by("state").className = `chip ${warning && isLive() ? "fault" : word}`;
   const scene = run.about?.scene?.split("/").pop(), damaged = logs.reduce((sum, log) => sum + log.damaged, 0);
-  by("what").textContent = [logs.length ? logs.map(log => log.name).join(" and ") : "", scene, `${state.contact.length} contacts`,
+  by("what").textContent = [logs.length ? logs.map(log => log.name).join(" and ") : "", scene, `${state.contact.length + (state.second?.contact.filter(c => c.limb >= 0).length ?? 0)} contacts`,
+    state.second ? `second hand ${SAFETY[state.second.safety_state] ?? "?"}` : "",
     damaged ? `${damaged} damaged messages left out` : ""].filter(Boolean).join(" · ");
   by("clock").textContent = `${time.toFixed(2)} of ${end().toFixed(2)} s`;
   const scrub = by("scrub");
@@ -213,7 +216,7 @@ function tell(states) {
   scrub.max = Math.max(end(), begin() + 0.1);
   scrub.value = time;
   const span_s = isLive() ? STRIP_S : Math.max(1, end() - begin()), from = isLive() ? Math.max(begin(), time - span_s) : begin();
-  strips.draw(runs(), from, from + span_s, time);
+  strips.draw(second ? [run, {curves: run.second_curves}] : runs(), from, from + span_s, time);
 }
 function span(text) {
   const node = document.createElement("span");
@@ -314,7 +317,7 @@ window.gloved = {
   get shown() {
     const stage = rooms[0].stage;
     return {sliders: !by("sliders").hidden, whole: Boolean(stage.meshes), time, playing, live: isLive(), followed, drawn, runs: runs().map(run => run.name), end: end(), banner: by("banner").textContent,
-      hand: Boolean(stage.hand), objects: [...stage.objects.keys()], forces: stage.forces.filter(f => f.node.visible).length,
+      hand: Boolean(stage.hand), hands: stage.hands.filter(hand => hand?.node.visible).length, objects: [...stage.objects.keys()], forces: stage.forces.filter(f => f.node.visible).length,
       contacts: stage.contacts.filter(c => c.visible).length, polygons: stage.polygons.children.filter(p => p.visible).length,
       lifted: runs()[0].empty ? 0 : runs()[0].around(time).a.object.reduce((z, o) => Math.max(z, o.is_static ? 0 : o.position_m[2] - runs()[0].state(0).object.find(x => x.name === o.name).position_m[2]), 0),
       measured: stage.hand ? stage.hand.measured.filter(m => m.visible).length : 0, preset: camera.preset, eye: camera.eye.position.toArray(), state: by("state").textContent};

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// A run over time, live or out of a log: its states by their time, the shapes that belong to them, and the forces of
+// A run over time, live or out of a log: its states by their time (`second` of one is the second hand's of that step), the shapes that belong to them, and the forces of
 // the whole as plain numbers for the strips. Field names are those of data/lcm.
 import {decode, index} from "./lcm.js";
 
@@ -46,10 +46,17 @@ class Run {
     this.load = null;
     this.strongest_n = 0;
     this.curves = new Curves();
+    this.second_curves = new Curves(); // of the second hand
+  }
+
+  addCurves(state) {
+    this.curves.add(state);
+    if (state.second) this.second_curves.add(state.second);
   }
 
   // The strongest force of the contacts of one limb, at any time.
   measure(state) {
+    if (state.second) this.measure(state.second);
     const sum = new Map();
     for (const {limb, force_n} of state.contact) {
       if (limb < 0) continue;
@@ -90,16 +97,19 @@ export class LiveRun extends Run {
     if (state.time_s < this.end) {
       this.states = [];
       this.curves = new Curves();
+      this.second_curves = new Curves();
       this.strongest_n = 0;
     }
     this.measure(state);
     this.arrived = now;
     this.states.push(state);
-    this.curves.add(state);
+    this.addCurves(state);
     const old = before(this.curves.t, state.time_s - LIVE_S);
     if (old > 200) {
       this.states.splice(0, old);
       this.curves.forget(old);
+      const begin = this.begin;
+      this.second_curves.forget(this.second_curves.t.filter(t => t < begin).length);
     }
     return begun;
   }
@@ -109,7 +119,7 @@ export class LogRun extends Run {
   // Throws an Error in words where there is nothing to show.
   constructor(name, buffer, layouts) {
     super(name);
-    Object.assign(this, {buffer, layouts, damaged: 0, at: [], loads: [], shown: new Map()});
+    Object.assign(this, {buffer, layouts, damaged: 0, at: [], second: null, seconds: [], loads: [], shown: new Map()});
     const found = index(buffer);
     for (const message of found.messages) this.take(message);
     if (this.empty) throw new Error(`${name}: ${this.why || (found.messages.length ? "no GLOVED_STATE in it; record it with gloved --log" : "no LCM log")}`);
@@ -119,6 +129,7 @@ export class LogRun extends Run {
   take(message) {
     try {
       if (message.channel === "GLOVED_STATE") this.takeState(message);
+      else if (message.channel === "GLOVED_STATE2") this.second = {message, state: this.decode("state_t", message)};
       else if (message.channel === "DRAKE_VIEWER_LOAD_ROBOT") this.takeLoad(message);
       else if (message.channel === "GLOVED_ABOUT") this.about = this.decode("about_t", message);
     } catch (error) {
@@ -131,10 +142,12 @@ export class LogRun extends Run {
   decode(type, {at, length}) { return decode(this.layouts, type, new DataView(this.buffer, at, length)); }
 
   takeState(message) {
-    const state = this.decode("state_t", message);
+    const state = this.decode("state_t", message), own = this.second?.state.step === state.step;
     if (!(state.time_s >= this.end)) return; // a log has one run
+    if (own) state.second = this.second.state;
+    this.seconds.push(own ? this.second.message : null);
     this.at.push(message);
-    this.curves.add(state);
+    this.addCurves(state);
     this.measure(state);
   }
 
@@ -152,7 +165,9 @@ export class LogRun extends Run {
   state(i) {
     if (!this.shown.has(i)) {
       if (this.shown.size > 500) this.shown.clear();
-      this.shown.set(i, this.decode("state_t", this.at[i]));
+      const state = this.decode("state_t", this.at[i]), second = this.seconds[i];
+      if (second) state.second = this.decode("state_t", second);
+      this.shown.set(i, state);
     }
     return this.shown.get(i);
   }

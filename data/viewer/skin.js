@@ -28,9 +28,9 @@ const THUMB = [0.4061, -0.7591, -0.21, 0.4635];
 const SPREAD = [0, 0.2, 0.03, -0.16, -0.38], BENT = [0.22, 0.35, 0.2];
 
 // The hand's measures out of the shapes and of one state: radii and half lengths of the 15 limbs, the palm's box, where
-// each finger and the wrist begin in the palm's frame. `left`: mirrored in y.
-export function measure(links, state) {
-  const limbs = links.filter(link => link.name.startsWith("hand::")).map(link => link.geom[0]);
+// each finger and the wrist begin in the palm's frame. `left`: mirrored in y. folder: "hand::", or a second hand's.
+export function measure(links, state, folder) {
+  const limbs = links.filter(link => link.name.startsWith(folder)).map(link => link.geom[0]);
   const radius = [], half = [];
   for (const geom of limbs.slice(0, PALM)) {
     radius.push(geom.float_data[0]);

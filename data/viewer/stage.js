@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// One run in 3D: table and objects with their edges, the simulated hand in its skin, the measured one as thin lines
+// One run in 3D: table and objects with their edges, the simulated hand (or both) in its skin, the measured one as thin lines
 // where it differs, forces as arrows, contacts and touched polygons. Drawn with three.js (Debian's libjs-three).
 import * as THREE from "/three.js";
 import {BONES, CUT, FOREARM, PALM, inverse, makeSkin, measure, multiply, rotate} from "./skin.js";
@@ -10,6 +10,7 @@ export const forceScale = strongest_n => SCALES_M_PER_N.find(s => s * strongest_
 
 const SKIN = "#cf9273", STATIC = "#c9ccd1", PAINT = ["#2f7fb5", "#8f9e3c", "#7d66b0", "#cc7f35"];
 const FORCE = "#118a3a", CONTACT = "#d7263d", POLYGON = "#ffb000", GLOVE = "#1f4fd8";
+const FOLDERS = ["hand::", "hand2::"]; // of the shapes
 const CONTACTS = 96, POLYGONS = 48;
 const MANY = 3000; // corners, from which on a mesh is round and has no edges but sharp ones
 const DIFFERS_M = 0.0008, DIFFERS_RAD = 0.03;
@@ -111,9 +112,10 @@ export class Stage {
   constructor() {
     this.group = new THREE.Group();
     this.objects = new Map();
+    this.hands = FOLDERS.map(() => null);
     this.show = {forces: true, contacts: false, polygons: false, measured: true};
     this.scale = SCALES_M_PER_N[0];
-    this.palm = null; // where the hand is: {p, q}
+    this.palm = null; // where the hand is, or the middle of two: {p, q, apart}
     this.links = null;
     this.makeForces();
     this.makeContacts();
@@ -129,7 +131,7 @@ export class Stage {
     for (const {node} of this.objects.values()) this.group.remove(node);
     this.objects.clear();
     this.meshes = null;
-    this.removeHand();
+    this.removeHands();
     let painted = 0;
     for (const link of links || []) {
       const geom = link.geom[0];
@@ -181,13 +183,15 @@ export class Stage {
 
   // -- the hand --
 
-  removeHand() {
-    if (this.hand) this.group.remove(this.hand.node);
-    this.hand = null;
+  get hand() { return this.hands[0]; }
+
+  removeHands() {
+    for (const hand of this.hands) if (hand) this.group.remove(hand.node);
+    this.hands.fill(null);
   }
 
-  makeHand(state) {
-    const hand = measure(this.links, state), skin = makeSkin(hand), node = new THREE.Group();
+  makeHand(state, which) {
+    const hand = measure(this.links, state, FOLDERS[which]), skin = makeSkin(hand), node = new THREE.Group();
     const bones = skin.bones.map(() => new THREE.Bone());
     const back = skin.bones.map(({p, q}) => new THREE.Matrix4().getInverse(
       new THREE.Matrix4().compose(vector(p), quaternion(q), new THREE.Vector3(1, 1, 1))));
@@ -207,7 +211,7 @@ export class Stage {
       node.add(bone);
     }
     node.add(mesh);
-    this.hand = {node, bones, mesh, measured: this.makeMeasured(hand, node), band: this.makeBand(hand, node)};
+    this.hands[which] = {node, bones, mesh, measured: this.makeMeasured(hand, node), band: this.makeBand(hand, node)};
     this.group.add(node);
   }
 
@@ -242,7 +246,7 @@ export class Stage {
       transparent: true, opacity: see ? 0.3 : 1, depthTest: !see});
     const shaft = new THREE.CylinderBufferGeometry(0.0015, 0.0015, 1, 16).translate(0, 0.5, 0).rotateX(Math.PI / 2);
     const tip = new THREE.ConeBufferGeometry(0.0042, 0.011, 20).translate(0, 0.0055, 0).rotateX(Math.PI / 2);
-    this.forces = Array.from({length: PALM + 1}, () => {
+    this.forces = Array.from({length: FOLDERS.length * (PALM + 1)}, () => {
       const node = new THREE.Group(), shafts = [], tips = [];
       for (const see of [true, false]) { // once through everything, faint, and once as it stands
         const m = material(see), a = new THREE.Mesh(shaft, m), b = new THREE.Mesh(tip, m);
@@ -268,12 +272,12 @@ export class Stage {
     });
   }
 
-  // The sum of each limb's contact forces, where they have their centre.
+  // The sum of each limb's contact forces, where they have their centre; limbs of the second hand behind those of the first.
   placeForces(state) {
     const sum = this.forces.map(() => ({f: new THREE.Vector3(), p: new THREE.Vector3(), weight: 0}));
-    for (const contact of state.contact) {
-      if (contact.limb < 0 || contact.limb > PALM) continue;
-      const s = sum[contact.limb], f = vector(contact.force_n), weight = f.length();
+    for (const contact of contactsOf(state)) {
+      if (!(contact.limb >= 0 && contact.limb <= PALM)) continue;
+      const s = sum[contact.hand * (PALM + 1) + contact.limb], f = vector(contact.force_n), weight = f.length();
       s.f.add(f);
       s.p.addScaledVector(vector(contact.position_m), weight);
       s.weight += weight;
@@ -294,8 +298,9 @@ export class Stage {
   }
 
   placeContacts(state) {
+    const contacts = contactsOf(state);
     this.contacts.forEach((dot, i) => {
-      const contact = state.contact[i];
+      const contact = contacts[i];
       dot.visible = this.show.contacts && Boolean(contact);
       if (!dot.visible) return;
       dot.position.copy(vector(contact.position_m));
@@ -309,7 +314,7 @@ export class Stage {
     this.polygons.children.forEach(child => { child.visible = false; });
     if (!this.show.polygons) return;
     const seen = new Set();
-    for (const polygon of state.polygon.slice(0, POLYGONS)) {
+    for (const polygon of [...state.polygon, ...(state.second?.polygon ?? [])].slice(0, POLYGONS)) {
       const name = state.object[polygon.object]?.name, object = this.objects.get(name), key = `${name} ${polygon.piece} ${polygon.face}`;
       if (!object || seen.has(key)) continue;
       seen.add(key);
@@ -335,33 +340,46 @@ export class Stage {
 
   // Between two states, `part` of the way from a to b.
   place(a, b, part) {
-    const seen = a.glove_age_s >= 0;
-    if (seen && !this.hand && this.links) this.makeHand(a);
     for (let i = 0; i < a.object.length; i++) {
       const object = this.objects.get(a.object[i].name);
       if (!object) continue;
       pose(object.node, a.object[i], b.object[i] ?? a.object[i], part, "");
       object.node.updateMatrix();
     }
-    if (this.hand) {
-      this.hand.node.visible = seen;
-      if (seen) this.placeHand(a, b, part);
-    }
+    this.showHand(0, a, b, part);
+    this.showHand(1, a.second, b.second ?? a.second, part);
+    this.aim();
     const near = part < 0.5 ? a : b;
     this.placeForces(near);
     this.placeContacts(near);
     this.placePolygons(near);
   }
 
-  placeHand(a, b, part) {
-    const at = new THREE.Object3D(), {bones, measured, band} = this.hand;
+  aim() {
+    const [first, second] = this.hands.map(hand => (hand?.node.visible ? hand.palm : null));
+    if (!first && !second) return;
+    const both = first && second, {p, q} = first ?? second;
+    this.palm = {p: both ? p.clone().lerp(second.p, 0.5) : p, q, apart: both ? p.distanceTo(second.p) : 0};
+  }
+
+  showHand(which, a, b, part) {
+    const seen = Boolean(a && a.glove_age_s >= 0), drawable = this.links?.some(link => link.name.startsWith(FOLDERS[which]));
+    if (seen && !this.hands[which] && drawable) this.makeHand(a, which);
+    const hand = this.hands[which];
+    if (!hand) return;
+    hand.node.visible = seen;
+    if (seen) this.placeHand(hand, a, b, part);
+  }
+
+  placeHand(hand, a, b, part) {
+    const at = new THREE.Object3D(), {bones, measured, band} = hand;
     for (let i = 0; i <= PALM; i++) {
       pose(at, a.limb[i], b.limb[i], part, "");
       at.updateMatrix();
       bones[i].matrix.copy(at.matrix);
       this.placeMeasured(measured[i], at, a.limb[i], b.limb[i], part);
     }
-    this.palm = {p: at.position.clone(), q: at.quaternion.clone()};
+    hand.palm = {p: at.position.clone(), q: at.quaternion.clone()};
     // The forearm follows the wrist as measured, moved as the palm is moved from where it was measured.
     const palm = a.limb[PALM], turned = multiply(palm.quaternion, inverse(palm.driver_quaternion));
     const off = rotate(turned, [0, 1, 2].map(k => a.wrist_position_m[k] - palm.driver_position_m[k]));
@@ -385,6 +403,12 @@ export class Stage {
     line.position.copy(driver.position);
     line.quaternion.copy(driver.quaternion);
   }
+}
+
+// Those of both hands, each with its hand; objects against objects stand in both states.
+function contactsOf(state) {
+  const second = (state.second?.contact ?? []).filter(contact => contact.limb >= 0);
+  return [...state.contact.map(contact => ({...contact, hand: 0})), ...second.map(contact => ({...contact, hand: 1}))];
 }
 
 function pose(node, a, b, part, prefix) {
