@@ -12,7 +12,8 @@ ROOT = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
 INSTALLED = not os.path.exists(os.path.join(ROOT, "Makefile"))
 CACHE = os.path.join(os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache"), "gloved") if INSTALLED else os.path.join(ROOT, "build")
 FOLDER = os.path.join(CACHE, "types-python")
-TYPES = {"GLOVED_STATE": "state_t", "GLOVED_STATS": "stats_t", "GLOVED_EVENT": "event_t", "GLOVED_ABOUT": "about_t", "GLOVED_TRACE": "trace_t",
+TYPES = {"GLOVED_STATE": "state_t", "GLOVED_STATE2": "state_t", "GLOVED_STATS": "stats_t", "GLOVED_EVENT": "event_t",
+         "GLOVED_ABOUT": "about_t", "GLOVED_TRACE": "trace_t",
          "DRAKE_VIEWER_LOAD_ROBOT": "viewer_load_t", "DRAKE_VIEWER_DRAW": "viewer_draw_t"}
 
 

@@ -189,9 +189,10 @@ int gv_device_open(const gv_settings *settings, gv_driver *out, gv_pace *out_pac
       gv_fcu_open(settings, &fcu, out_pace, err, err_size) ||
       add_tracker(settings->tracker, &settings->T_world_tracker, fcu, &first, err, err_size))
     return -1;
-  *out = first;
-  if (!*settings->fcu2)
+  if (!*settings->fcu2) {
+    *out = first;
     return 0;
+  }
   char said[512];  // of the first one
   snprintf(said, sizeof said, "%s", err);
   if (open_second(settings, *out_pace, &second, err, err_size)) {
