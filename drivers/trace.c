@@ -63,9 +63,9 @@ static bool is_id(const gv_frame *frame, uint32_t id) {
   return frame->id == id && !(frame->flags & (GV_FRAME_EXTENDED | GV_FRAME_ERROR));
 }
 
-// iface: "": of every interface. All frames of the log but our own commands, classic ones joined. Stamps count from the log's
-// first line, and its last one is the end: the engine's steps before the first frame and after
-// the last belong to a recording.
+// iface: "": of every interface. All frames of the log but our own commands, classic ones joined. Stamps
+// count from the log's first line, and its last one is the end: the engine's steps before the first frame and
+// after the last belong to a recording.
 static int load_frames(trace *t, gv_log *log, const char *iface, char *err, size_t err_size) {
   gv_frame line, frame;
   gv_classic_join join = {0};

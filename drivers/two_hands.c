@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// The devices of two hands as one driver: the second one's frames are marked, and what carries the mark goes to
-// it. Neither waits for the other, and a flood of one leaves the other's half of a poll alone. poll and send
-// run in the real-time thread; opening allocates.
+// The devices of two hands as one driver: the second one's frames are marked, and what carries the mark goes
+// to it. Neither waits for the other, and a flood of one leaves the other's half of a poll alone. poll and
+// send run in the real-time thread; opening allocates.
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>

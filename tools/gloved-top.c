@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // gloved-top [LCM-URL] - a running gloved on a terminal: state, force and limit of each finger, joint
-// angles, contacts, timing, ages, losses, events. An LCM client like any other (GLOVED_STATE,
+// angles, contacts, timing, ages, losses, events. An LCM client like any other (GLOVED_STATE, GLOVED_STATE2,
 // GLOVED_STATS, GLOVED_EVENT); one thread. The screen is built in one buffer, cut to the window as it
 // is now, and written at once. q ends.
 #include <lcm/lcm.h>
@@ -40,7 +40,8 @@ enum {
 
 typedef struct top {
   const char *url;
-  gloved_state_t *state;  // newest; null: none yet
+  gloved_state_t *state;   // newest; null: none yet
+  gloved_state_t *second;  // of a second hand; null: none heard
   gloved_stats_t *stats;
   int64_t heard_ns;                 // when the newest state came
   uint64_t states;                  // so far
@@ -79,6 +80,16 @@ static void on_state(const lcm_recv_buf_t *buffer, const char *channel, const gl
   t->state = copy;
   t->heard_ns = now_ns();
   t->states++;
+}
+
+static void on_second(const lcm_recv_buf_t *buffer, const char *channel, const gloved_state_t *message,
+                      void *user) {
+  (void)buffer, (void)channel;
+  top *t = user;
+  gloved_state_t *copy = gloved_state_t_copy(message);
+  if (t->second)
+    gloved_state_t_destroy(t->second);
+  t->second = copy;
 }
 
 static void on_stats(const lcm_recv_buf_t *buffer, const char *channel, const gloved_stats_t *message,
@@ -152,6 +163,19 @@ static void put_forces(top *t) {
     put(t, "%-8s |%s| %8.2f %7.2f %9.2f %10.1f", gv_finger_name(i), bar, s->force_commanded_n[i],
         s->force_desired_n[i], s->force_measured_n[i], 1e3 * s->energy_j[i]);
   }
+}
+
+// Two lines: what the first hand has a table for. One that gloved no longer has is not shown.
+static void put_second(top *t) {
+  const gloved_state_t *s = t->second;
+  if (!s || s->step + 2000 < t->state->step || s->step > t->state->step + 2000)
+    return;
+  const double *n = s->force_commanded_n;
+  put(t, "second hand  %-8s dead-man switch %s   glove %.1f ms old   lost %lld bad %lld%s%s",
+      gv_safety_name((gv_safety_state)s->safety_state), s->dead_man ? "held" : "open", s->glove_age_s * 1e3,
+      (long long)s->frames_lost, (long long)s->frames_bad, s->faults ? "   fault: " : "",
+      s->faults ? gv_fault_text((uint32_t)s->faults) : "");
+  put(t, "         thumb to little sent %.2f %.2f %.2f %.2f %.2f N", n[0], n[1], n[2], n[3], n[4]);
 }
 
 static double degrees(double angle_rad) { return angle_rad * 180.0 / GV_PI; }
@@ -255,6 +279,7 @@ static void draw(top *t) {
   } else {
     put_head(t);
     put_forces(t);
+    put_second(t);
     put_devices(t);
     put_objects(t);
     put_timing(t);
@@ -348,6 +373,7 @@ int main(int argc, char **argv) {
     return 2;
   }
   gloved_state_t_subscribe(lcm, "GLOVED_STATE", on_state, &t);
+  gloved_state_t_subscribe(lcm, "GLOVED_STATE2", on_second, &t);
   gloved_stats_t_subscribe(lcm, "GLOVED_STATS", on_stats, &t);
   gloved_event_t_subscribe(lcm, "GLOVED_EVENT", on_event, &t);
   signal(SIGINT, on_signal);

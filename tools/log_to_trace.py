@@ -11,6 +11,7 @@ import gloved_log  # noqa: E402
 
 # A frame that is not ours holds the place of the first and the last step: a replay begins and ends with them.
 MARK = "7FF#"
+SECOND = 64  # flag of a frame of the second hand's device
 
 
 def frame_text(frame):
@@ -31,7 +32,12 @@ def about_file(key, name, digest, text):
     return f"{key} = {{\n" + "\n".join(lines) + "\n};\n" if name else ""
 
 
-def write_about(log, path):
+def interface(frame):
+    """As gloved --record names them, so that a replay of two hands finds its frames."""
+    return "can1" if frame.flags & SECOND else "can0"
+
+
+def write_about(log, path, hands):
     """What the run was made of (GLOVED_ABOUT) beside the recording, as gloved --record writes it: a replay takes that scene."""
     about = log.of("GLOVED_ABOUT")
     if not about:
@@ -39,6 +45,8 @@ def write_about(log, path):
         return
     a = about[0]
     texts = {"program": a.version, "commit": a.commit, "date": a.date, "command_line": a.command_line, "fcu": a.fcu, "tracker": a.tracker, "hand": a.hand}
+    if hands == 2:
+        texts.update(fcu="log: " + a.fcu, fcu2="log: the second hand")
     with open(path + ".about", "w", encoding="utf-8") as out:
         out.write(f"# What {path} was made of; gloved reads it when the recording is replayed.\nversion = 1;\n")
         out.write("".join(f"{key} = {quoted(text)};\n" for key, text in texts.items()) + f"rate_hz = {a.rate_hz:.9f};\n")
@@ -64,14 +72,15 @@ def main():
         print("log-to-trace: commands were obeyed in this run; the replay does not have them", file=sys.stderr)
     period = steps[0][1]
     with open(sys.argv[2], "w", encoding="ascii") as out:
-        out.write(f"(0.000000) gloved {MARK}\n")
+        out.write(f"(0.000000) can0 {MARK}\n")
         for step, _ in steps:
             stamp_us = round((step.step - 1) * period * 1e9) // 1000
             for frame in step.frame:
-                out.write(f"({stamp_us // 1000000}.{stamp_us % 1000000:06d}) gloved {frame_text(frame)}\n")
+                out.write(f"({stamp_us // 1000000}.{stamp_us % 1000000:06d}) {interface(frame)} {frame_text(frame)}\n")
         stamp_us = round((last - 1) * period * 1e9) // 1000
-        out.write(f"({stamp_us // 1000000}.{stamp_us % 1000000:06d}) gloved {MARK}\n")
-    write_about(log, sys.argv[2])
+        out.write(f"({stamp_us // 1000000}.{stamp_us % 1000000:06d}) can0 {MARK}\n")
+    two = any(frame.flags & SECOND for step, _ in steps for frame in step.frame)
+    write_about(log, sys.argv[2], 2 if two else 1)
     print(f"{sys.argv[2]}: {last} steps of {period * 1e3:g} ms")
 
 

@@ -94,6 +94,10 @@ def test_a_bar_goes_from_hand_to_hand(tmp_path):
           f"{told['missed_deadlines']} missed of {told['steps']}")
     check_log(log)
     check_replay(record, told["state_hash"])
+    trace = os.path.join(folder, "from-log")
+    subprocess.run([sys.executable, "tools/log_to_trace.py", log, trace], check=True, stdout=subprocess.DEVNULL)
+    replay = subprocess.run([B + "/gloved", "--fcu", f"trace:{trace}?speed=0", "--lcm", "none"], stdout=subprocess.PIPE, text=True, check=True)
+    assert f"state hash {told['state_hash']}" in replay.stdout, replay.stdout
 
 
 def check_log(path):

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// Two hands, each with a device, a limiter and a safety machine, over one engine: a fault in one lets both go, each
-// hand's frames are its own, and what asks for rest asks it of both. And their two devices as one driver.
+// Two hands, each with a device, a limiter and a safety machine, over one engine: a fault in one lets both
+// go, each hand's frames are its own, and what asks for rest asks it of both. And their two devices as one
+// driver.
 #include <string.h>
 
 #include "daemon/loop/hands.h"
@@ -182,8 +183,10 @@ static void test_a_fault_in_one_lets_both_go(void) {
     const int steps = 1 + steps_to_zero();
     CHECK(steps <= 17, "hand %d's fault ended the forces after %d ms", broken, steps);
     CHECK(session[broken].safety.faults == GV_FAULT_SENSOR, "0x%x", session[broken].safety.faults);
-    CHECK(session[other].safety.state == GV_SAFETY_FAULT && session[other].safety.faults == GV_FAULT_OTHER_DEVICE,
-          "hand %d: %s, 0x%x", other, gv_safety_name(session[other].safety.state), session[other].safety.faults);
+    CHECK(session[other].safety.state == GV_SAFETY_FAULT &&
+              session[other].safety.faults == GV_FAULT_OTHER_DEVICE,
+          "hand %d: %s, 0x%x", other, gv_safety_name(session[other].safety.state),
+          session[other].safety.faults);
     CHECK(gv_hands_at_fault(session) == &session[broken], "the wrong one is named");
   }
 }
@@ -208,7 +211,8 @@ static void test_both_come_back(void) {
   hold_switches(false);
   run(300);
   for (int i = 0; i < GV_HANDS; i++)
-    CHECK(session[i].safety.state == GV_SAFETY_READY, "hand %d: %s", i, gv_safety_name(session[i].safety.state));
+    CHECK(session[i].safety.state == GV_SAFETY_READY, "hand %d: %s", i,
+          gv_safety_name(session[i].safety.state));
   hold_switches(true);
   run(20);
   hand[RIGHT].index_rad = hand[LEFT].index_rad = 1.05;
@@ -283,7 +287,9 @@ static int fake_send(void *self, const gv_frame *frame, int count) {
 }
 
 static bool fake_ended(void *self) { return ((fake *)self)->ended; }
-static gv_driver_stats fake_stats(void *self) { return (gv_driver_stats){.tx = (uint64_t)((fake *)self)->sent}; }
+static gv_driver_stats fake_stats(void *self) {
+  return (gv_driver_stats){.tx = (uint64_t)((fake *)self)->sent};
+}
 static void fake_close(void *self) { ((fake *)self)->closed = true; }
 static bool fake_tell(void *self, int64_t at_ns, char *out, size_t size) {
   (void)at_ns;
@@ -297,8 +303,8 @@ static void test_two_devices_are_one_driver(void) {
   fake device[2] = {{.waiting = 1000}, {.waiting = 10}};
   gv_driver one[2], both;
   for (int i = 0; i < 2; i++)
-    one[i] = (gv_driver){&device[i], fake_poll, fake_send, fake_ended, fake_stats, fake_close,
-                         NULL,       0,         fake_tell};
+    one[i] = (gv_driver){&device[i], fake_poll, fake_send, fake_ended, fake_stats,
+                         fake_close, NULL,      0,         fake_tell};
   CHECK(gv_two_hands_open(one[0], one[1], &both, text, sizeof text) == 0, "%s", text);
   int own[2] = {0, 0};
   int count = both.poll(both.self, 0, frame, 100);
@@ -315,8 +321,8 @@ static void test_two_devices_are_one_driver(void) {
   CHECK(!(device[1].sent_flags & GV_FRAME_SECOND), "the mark leaves the process");
   CHECK(both.stats(both.self).tx == 2, "counters add up");
   device[1].tells = true;
-  CHECK(both.tell(both.self, 0, text, sizeof text) && strcmp(text, "second hand: unplugged; plug it in") == 0, "%s",
-        text);
+  CHECK(both.tell(both.self, 0, text, sizeof text) && strcmp(text, "second hand: unplugged; plug it in") == 0,
+        "%s", text);
   CHECK(!both.ended(both.self), "ended");
   device[1].ended = true;
   CHECK(both.ended(both.self), "either ends both");

@@ -8,8 +8,8 @@
 #include "daemon/load/pace.h"
 #include "gloved/drivers.h"
 
-// All of them, as one driver. 0 and an open driver with its pace, or negative with one line (what, what to do) in
-// err. On success err is empty or holds one line that the user should know (a classic CAN interface).
+// All of them, as one driver. 0 and an open driver with its pace, or negative with one line (what, what to
+// do) in err. On success err is empty or holds one line that the user should know (a classic CAN interface).
 int gv_device_open(const gv_settings *settings, gv_driver *out, gv_pace *out_pace, char *err,
                    size_t err_size);
 // The fcu alone.

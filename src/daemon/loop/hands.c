@@ -29,7 +29,8 @@ static void mark(int hand, gv_frame *command) {
 // ---- a fault in one -------------------------------------------------------------------------------------
 
 static bool is_in_fault(const gv_session *session) {
-  return session->safety.state == GV_SAFETY_FAULT && (session->safety.faults & ~(uint32_t)GV_FAULT_OTHER_DEVICE) != 0;
+  return session->safety.state == GV_SAFETY_FAULT &&
+         (session->safety.faults & ~(uint32_t)GV_FAULT_OTHER_DEVICE) != 0;
 }
 
 // What follows from another hand's fault is no fault that others follow: else none would ever end.

@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // One period for all hands of a world: a session, a limiter and a safety machine to each hand and its device,
-// one engine step for all of them. `session` is an array with as many as the engine has hands (gv_engine_hands).
-// With one hand this is session.h, bit for bit. Real-time thread; pure as session.h.
+// one engine step for all of them. `session` is an array with as many as the engine has hands
+// (gv_engine_hands). With one hand this is session.h, bit for bit. Real-time thread; pure as session.h.
 //
 // A fault in one lets all go: a device in a fault ends the forces of the others with the same command, and is
-// a fault of theirs (GV_FAULT_OTHER_DEVICE) from the next step on. An open dead-man switch is no fault: it ends
-// its own hand's forces alone.
+// a fault of theirs (GV_FAULT_OTHER_DEVICE) from the next step on. An open dead-man switch is no fault: it
+// ends its own hand's forces alone.
 //
 // Frames of the second hand's device carry GV_FRAME_SECOND, and so do the commands to it.
 #ifndef GLOVED_PROCESS_HANDS_H

@@ -119,7 +119,8 @@ typedef struct gv_loop {
   gv_frame recorded_slot[GV_LOOP_RECORDED];
 } gv_loop;
 
-// `loop` zeroed, its memory present (some 4.1 MB). `session`: as many as the engine has hands. `stop` may be set from a signal handler.
+// `loop` zeroed, its memory present (some 4.1 MB). `session`: as many as the engine has hands. `stop` may be
+// set from a signal handler.
 void gv_loop_init(gv_loop *loop, const gv_loop_config *cfg, gv_session *session, gv_driver *driver,
                   int object_count, atomic_bool *stop);
 // Locks memory as configured and starts the thread. 0, or the errno of pthread_create.

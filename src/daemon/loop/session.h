@@ -111,8 +111,9 @@ void gv_session_step(gv_session *session, int64_t now_ns, const gv_frame *frame,
 // session->sample before it, and after it, with session->result, the safety machine.
 void gv_session_take(gv_session *session, int64_t now_ns, const gv_frame *frame, int count);
 void gv_session_judge(gv_session *session, int64_t now_ns, unsigned periods_skipped);
-// Both with the step between them, for an engine of one hand: one period at now_ns with the frames that came since the last one, and the number of periods that the
-// loop had to skip before it. Cost: the engine's step and below 2 us.
+// Both with the step between them, for an engine of one hand: one period at now_ns with the frames that came
+// since the last one, and the number of periods that the loop had to skip before it. Cost: the engine's step
+// and below 2 us.
 void gv_session_compute(gv_session *session, int64_t now_ns, const gv_frame *frame, int count,
                         unsigned periods_skipped);
 // From the next step on the engine does what this rung of the deadline ladder leaves of a step.

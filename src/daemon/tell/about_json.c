@@ -27,6 +27,8 @@ void gv_about_json(const gv_about *about, FILE *out) {
   json_text(out, "date", about->date);
   json_text(out, "command_line", about->command_line);
   json_text(out, "fcu", about->fcu);
+  if (about->fcu2[0])
+    json_text(out, "fcu2", about->fcu2);
   json_text(out, "tracker", about->tracker);
   json_text(out, "hand", about->hand);
   json_file(out, "scene", &about->scene);

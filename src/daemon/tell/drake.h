@@ -2,9 +2,9 @@
 // The picture for Drake's viewer (Meldis) as plain numbers: which shapes there are, and where they are in a
 // snapshot. telemetry_picture.c puts them into messages. Slow thread; gv_drake_init belongs to set-up.
 //
-// Folders in the viewer: hand (simulated limbs), glove (the measured hand: it may lie inside objects), hand2 and
-// glove2 of a second hand,
-// objects, contacts (a dot each), forces (an arrow each, on the limb or object A of the contact), head.
+// Folders in the viewer: hand (simulated limbs), glove (the measured hand: it may lie inside objects), hand2
+// and glove2 of a second hand, objects, contacts (a dot each), forces (an arrow each, on the limb or object A
+// of the contact), head.
 //
 // The viewer cannot change a shape once it is loaded. An arrow's shaft is a telescope of four cylinders
 // that are pushed into each other: 25 mm a newton, up to 6.7 N.

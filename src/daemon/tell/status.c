@@ -41,7 +41,9 @@ static void say_scene(const gv_status *s, line *out) {
       s->snapshot->object_count);
 }
 
-static void say_device(const gv_status *s, line *out) { say(out, "%s", s->about->fcu); }
+static void say_device(const gv_status *s, line *out) {
+  say(out, "%s%s%s", s->about->fcu, s->about->fcu2[0] ? ", second hand " : "", s->about->fcu2);
+}
 
 static void say_tracker(const gv_status *s, line *out) {
   say(out, "%s", *s->about->tracker ? s->about->tracker : "the device's own");

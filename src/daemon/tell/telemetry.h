@@ -43,8 +43,8 @@ void gv_telemetry_attach(gv_telemetry *telemetry, gv_loop *loop);
 // The scene given to gv_telemetry_open has other objects now; answers the command that asked
 // for it. Before the loop goes on.
 void gv_telemetry_change_scene(gv_telemetry *telemetry);
-// GLOVED_STATE or GLOVED_STATE2, and when it is time GLOVED_STATS and the viewer's messages. Encodes into a static buffer; may
-// block as long as the network does (130 ms were seen).
+// GLOVED_STATE or GLOVED_STATE2, and when it is time GLOVED_STATS and the viewer's messages. Encodes into a
+// static buffer; may block as long as the network does (130 ms were seen).
 void gv_telemetry_snapshot(gv_telemetry *telemetry, const gv_snapshot *snapshot);
 // GLOVED_EVENT.
 void gv_telemetry_record(gv_telemetry *telemetry, const gv_record *record);

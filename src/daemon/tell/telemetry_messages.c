@@ -280,18 +280,19 @@ static char *text_of(const char *text) { return (char *)(uintptr_t)text; }
 
 void gv_telemetry_send_about(gv_telemetry *telemetry, bool log_alone) {
   const gv_about *about = telemetry->about;
-  char scene_hash[24], settings_hash[24];
+  char scene_hash[24], settings_hash[24], fcu[2 * sizeof about->fcu + 8];
   const int64_t utime = gv_telemetry_now_us();
   if (!about || (!telemetry->lcm && !telemetry->log))
     return;
   snprintf(scene_hash, sizeof scene_hash, "%016" PRIx64, about->scene.hash);
+  snprintf(fcu, sizeof fcu, "%s%s%s", about->fcu, about->fcu2[0] ? " and " : "", about->fcu2);
   snprintf(settings_hash, sizeof settings_hash, "%016" PRIx64, about->settings.hash);
   const gloved_about_t message = {.utime = utime,
                                   .version = text_of(about->version),
                                   .commit = text_of(about->commit),
                                   .date = text_of(about->date),
                                   .command_line = text_of(about->command_line),
-                                  .fcu = text_of(about->fcu),
+                                  .fcu = fcu,
                                   .tracker = text_of(about->tracker),
                                   .hand = text_of(about->hand),
                                   .rate_hz = about->rate_hz,
