@@ -40,10 +40,21 @@ static bool put_engine(gv_arena *arena, const gv_config *cfg, const gv_scene *sc
   return true;
 }
 
+static gv_spring make_limb_spring(const gv_engine *e, const gv_engine_hand *hand, int limb) {
+  return gv_spring_make(&e->cfg.limb, e->cfg.limb_mass_kg, hand->limb_inertia[limb], e->cfg.step_s,
+                        e->cfg.rotation_law);
+}
+
+static gv_spring make_palm_spring(const gv_engine *e, const gv_engine_hand *hand) {
+  gv_spring s = gv_spring_make(&e->cfg.palm, e->cfg.palm_mass_kg, hand->limb_inertia[GV_LIMB_PALM],
+                               e->cfg.step_s, e->cfg.rotation_law);
+  s.most_n = GV_PALM_N;
+  s.most_n_m = GV_PALM_N_M;
+  return s;
+}
+
 static gv_spring make_spring(const gv_engine *e, const gv_engine_hand *hand, int limb) {
-  const bool palm = limb == GV_LIMB_PALM;
-  return gv_spring_make(palm ? &e->cfg.palm : &e->cfg.limb, palm ? e->cfg.palm_mass_kg : e->cfg.limb_mass_kg,
-                        hand->limb_inertia[limb], e->cfg.step_s, e->cfg.rotation_law);
+  return limb == GV_LIMB_PALM ? make_palm_spring(e, hand) : make_limb_spring(e, hand, limb);
 }
 
 static void make_limbs(gv_engine *e, int h) {
@@ -82,9 +93,11 @@ static void note_joints(gv_engine *e) {
 
 static void tell_springs(gv_engine *e) {
   for (int h = 0; h < e->hands; h++) {
-    const gv_engine_hand *hand = &e->hand[h];
+    gv_engine_hand *hand = &e->hand[h];
     for (int i = 0; i < GV_LIMBS; i++)
       gv_dynamics_set_limb(e->dyn, hand->first_body + i, &hand->spring[i], hand->limb_inertia[i]);
+    memcpy(hand->acting, hand->spring, sizeof hand->acting);
+    hand->softer = 0;
   }
 }
 
@@ -227,11 +240,30 @@ static void take_sample(gv_engine *e, gv_engine_hand *hand, const gv_sample *sam
     place_hand(e, hand);
 }
 
-static void pull_limbs(gv_engine *e, const gv_engine_hand *hand) {
+// Bodies of limbs whose springs are softer in this step, or were in the last. What backward Euler adds to a
+// limb is its spring's: a softer one weighs less.
+static void change_springs(gv_engine *e, gv_engine_hand *hand, uint32_t softer) {
+  const uint32_t changed = softer | hand->softer;
+  hand->softer = softer;
+  for (int i = 0; changed >> i; i++) {
+    if (!(changed >> i & 1))
+      continue;
+    if (!(softer >> i & 1))
+      hand->acting[i] = hand->spring[i];
+    gv_dynamics_set_limb(e->dyn, hand->first_body + i, &hand->acting[i], hand->limb_inertia[i]);
+  }
+}
+
+static void pull_limbs(gv_engine *e, gv_engine_hand *hand) {
   gv_vec3 f[GV_LIMBS], t[GV_LIMBS];
   if (!hand->placed)
     return;
-  gv_springs_apply(hand->spring, gv_dynamics_state(e->dyn, hand->first_body), hand->driver, f, t);
+  const gv_body_state *limb = gv_dynamics_state(e->dyn, hand->first_body);
+  uint32_t softer = 0;
+  if (gv_springs_apply(hand->spring, limb, hand->driver, f, t))
+    softer = gv_springs_bound(hand->spring, limb, f, t, hand->acting);
+  if (softer | hand->softer)
+    change_springs(e, hand, softer);
   for (int i = 0; i < GV_LIMBS; i++) {
     if (e->cfg.limb_gravity)
       f[i] = gv_mad(f[i], hand->spring[i].mass_kg, gv_dynamics_gravity(e->dyn));
@@ -319,7 +351,7 @@ static void feel_coupling(const gv_engine *e, gv_engine_hand *hand, double out_t
   memset(out_tension_n, 0, GV_FINGERS * sizeof *out_tension_n);
   if (!hand->placed)
     return;
-  gv_springs_feel(hand->spring, gv_dynamics_state(e->dyn, hand->first_body), hand->driver, hand->ahead,
+  gv_springs_feel(hand->acting, gv_dynamics_state(e->dyn, hand->first_body), hand->driver, hand->ahead,
                   hand->felt_f, hand->felt_t);
   gv_tendon_map(hand->joint, hand->skeleton, hand->felt_f, hand->felt_t, out_tension_n);
 }

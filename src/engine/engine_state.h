@@ -16,6 +16,8 @@ typedef struct gv_engine_hand {
   int first_body;        // of its limbs
   gv_condition condition;
   gv_spring spring[GV_LIMBS];
+  gv_spring acting[GV_LIMBS];  // in this step: where one would pull too hard, a softer one
+  uint32_t softer;             // a bit for each of those
   double limb_inertia[GV_LIMBS];
   double angle[GV_SENSORS];         // of the skeleton in this step, rad
   gv_pose wrist;                    // T_world_wrist of this step
