@@ -18,8 +18,8 @@ typedef struct fastrak {
   serial_source source;  // first: gv_serial_source_close frees it
   gv_fastrak_setup setup;
   gv_pose T_world_tracker;
-  uint8_t counter;
-  atomic_int error;  // letter of the newest record
+  uint8_t counter, counter2;  // of the second hand's frames
+  atomic_int error;           // letter of the newest record
   char error_told;
 } fastrak;
 
@@ -63,7 +63,8 @@ static bool stations_are_on(const fastrak *d, int fd) {
   bool on[GV_FASTRAK_STATIONS + 1];
   if (!gv_fastrak_find_stations(reply, ask(fd, GV_FASTRAK_ASK_STATIONS, QUIET_MS, reply), on))
     return true;
-  return on[d->setup.hand] && (d->setup.head == 0 || on[d->setup.head]);
+  on[0] = true;  // of a station that was not asked for
+  return on[d->setup.hand] && on[d->setup.head] && on[d->setup.hand2];
 }
 
 // Stop, set up, and ask whether it is so: a lost `u` would make inches of centimetres.
@@ -83,7 +84,7 @@ static int set_up(void *self, int fd) {
       continue;
     if (!stations_are_on(d, fd))
       return gv_serial_source_give_up(&d->source, "has a receiver of ours switched off; plug it in, "
-                                                  "or give hand= and head= as they are plugged");
+                                                  "or give hand= and head= (and hand2=) as they are plugged");
     gv_serial_source_give_up(&d->source, NULL);
     return gv_serial_write(fd, GV_FASTRAK_START, strlen(GV_FASTRAK_START), WRITE_MS);
   }
@@ -112,11 +113,12 @@ static bool tell_fastrak(void *self, int64_t now_ns, char *out, size_t size) {
 // False for a station that was not asked for.
 static bool make_frame(fastrak *d, const gv_fastrak_record *record, int64_t now_ns, uint32_t age_us,
                        gv_frame *out) {
-  const bool hand = record->station == d->setup.hand;
+  const bool hand2 = record->station == d->setup.hand2;
+  const bool hand = hand2 || record->station == d->setup.hand;
   if (!hand && record->station != d->setup.head)
     return false;
   atomic_store_explicit(&d->error, record->error, memory_order_relaxed);
-  const gv_pose_msg msg = {.counter = d->counter++,
+  const gv_pose_msg msg = {.counter = hand2 ? d->counter2++ : d->counter++,
                            .flags = record->usable ? GV_POSE_VALID : GV_POSE_TRACKER_ERROR,
                            .stamp_us = (uint32_t)(now_ns / 1000),
                            .age_us = age_us,
@@ -124,6 +126,7 @@ static bool make_frame(fastrak *d, const gv_fastrak_record *record, int64_t now_
                            .T_world_receiver = gv_pose_mul(d->T_world_tracker, record->T_tracker_receiver)};
   gv_fcu_pack_pose(&msg, out);
   out->stamp_ns = now_ns;
+  out->flags |= hand2 ? GV_FRAME_SECOND : 0;
   return true;
 }
 
@@ -156,11 +159,14 @@ static void read_url(fastrak *d, const char *text, char *err, size_t err_size) {
   d->setup.format = (gv_fastrak_format)gv_serial_url_choice(url, "format", formats, GV_FASTRAK_BINARY);
   d->setup.hand = 1 + gv_serial_url_choice(url, "hand", hands, 1);
   d->setup.head = gv_serial_url_choice(url, "head", heads, d->setup.hand == 1 ? 0 : 1);
+  d->setup.hand2 = gv_serial_url_choice(url, "hand2", heads, 0);
   const int hemisphere = gv_serial_url_choice(url, "hemisphere", hemispheres, 0);
   d->setup.hemisphere[hemisphere / 2] = hemisphere % 2 ? -1 : 1;
   if (d->setup.hand == d->setup.head)
     gv_serial_url_fail(url, "hand and head are both station %d; give them different ones, or head=none",
                        d->setup.hand);
+  if (d->setup.hand2 && (d->setup.hand2 == d->setup.hand || d->setup.hand2 == d->setup.head))
+    gv_serial_url_fail(url, "hand2 is station %d, as hand or head; give it one of its own", d->setup.hand2);
   gv_serial_url_finish(url, "serial:/dev/ttyUSB0?type=fastrak&baud=115200&hand=2&head=1&hemisphere=+x");
 }
 

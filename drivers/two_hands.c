@@ -7,11 +7,14 @@
 #include <string.h>
 
 #include "gloved/drivers.h"
+#include "gloved/fcu.h"
 
 enum { HANDS = 2, FIRST = 0, SECOND = 1 };
 
 typedef struct two_hands {
   gv_driver device[HANDS];
+  bool one_tracker;   // the first one's tells of both hands
+  uint64_t left_out;  // poses of the second device
 } two_hands;
 
 static int poll_one(gv_driver *device, int64_t now_ns, gv_frame *out, int max) {
@@ -20,9 +23,15 @@ static int poll_one(gv_driver *device, int64_t now_ns, gv_frame *out, int max) {
 
 static int poll_both(void *self, int64_t now_ns, gv_frame *out, int max) {
   two_hands *t = self;
-  const int second = poll_one(&t->device[SECOND], now_ns, out, max / HANDS);
-  for (int i = 0; i < second; i++)
-    out[i].flags |= GV_FRAME_SECOND;
+  const int polled = poll_one(&t->device[SECOND], now_ns, out, max / HANDS);
+  int second = 0;
+  for (int i = 0; i < polled; i++) {
+    if (t->one_tracker && out[i].id == GV_ID_POSE)
+      continue;
+    out[second] = out[i];
+    out[second++].flags |= GV_FRAME_SECOND;
+  }
+  t->left_out += (uint64_t)(polled - second);
   return second + poll_one(&t->device[FIRST], now_ns, &out[second], max - second);
 }
 
@@ -56,11 +65,11 @@ static gv_driver_stats stats_of_both(void *self) {
   const two_hands *t = self;
   gv_driver_stats a = t->device[FIRST].stats(t->device[FIRST].self);
   const gv_driver_stats b = t->device[SECOND].stats(t->device[SECOND].self);
-  a.rx += b.rx;
+  a.rx += b.rx - t->left_out;
   a.tx += b.tx;
   a.bad += b.bad;
   a.lost += b.lost;
-  a.foreign += b.foreign;
+  a.foreign += b.foreign + t->left_out;
   a.tx_failed += b.tx_failed;
   a.bus_errors += b.bus_errors;
   a.link_downs += b.link_downs;
@@ -96,7 +105,8 @@ static void close_both(void *self) {
   free(t);
 }
 
-int gv_two_hands_open(gv_driver first, gv_driver second, gv_driver *out, char *err, size_t err_size) {
+int gv_two_hands_open(gv_driver first, gv_driver second, bool one_tracker, gv_driver *out, char *err,
+                      size_t err_size) {
   two_hands *t = malloc(sizeof *t);
   if (!t) {
     snprintf(err, err_size, "out of memory; close other programs");
@@ -104,7 +114,7 @@ int gv_two_hands_open(gv_driver first, gv_driver second, gv_driver *out, char *e
     second.close(second.self);
     return -1;
   }
-  *t = (two_hands){{first, second}};
+  *t = (two_hands){.device = {first, second}, .one_tracker = one_tracker};
   *out = (gv_driver){t,
                      poll_both,
                      send_both,

@@ -123,10 +123,11 @@ int gv_hand_input_open(const char *url, gv_side side, gv_driver *out, char *err,
 // bytes that are no record (a record changed or cut on the way, garbage). `link_downs`: times that the
 // device went away. send does nothing and counts nothing, but for the LucidGlove's.
 //
-// "serial:DEVICE?type=fastrak[&baud=115200&hand=2&head=1|none&hemisphere=+x|-x|+y|-y|+z|-z
+// "serial:DEVICE?type=fastrak[&baud=115200&hand=2&head=1|none&hand2=3&hemisphere=+x|-x|+y|-y|+z|-z
 //                             &format=binary|ascii]":
-// Polhemus FASTRAK, POSE frames: receiver 2 from the station `hand`, receiver 1 from the station `head`. A
-// record with an error letter gives a frame with GV_POSE_TRACKER_ERROR and without GV_POSE_VALID.
+// Polhemus FASTRAK, POSE frames: receiver 2 from the station `hand`, receiver 1 from the station `head`, and
+// receiver 2 with GV_FRAME_SECOND from the station `hand2`. A record with an error letter gives a frame with
+// GV_POSE_TRACKER_ERROR and without GV_POSE_VALID.
 int gv_fastrak_open(const char *url, const gv_pose *T_world_tracker, gv_driver *out, char *err,
                     size_t err_size);
 // T_world_tracker of a transmitter that stands upright in the origin: its x, away from its cable,
@@ -183,8 +184,10 @@ gv_serial_report gv_serial_report_of(const gv_driver *serial);
 // with the fcu. Takes both over: closing it closes them; on error both are closed already.
 int gv_pair_open(gv_driver fcu, gv_driver tracker, gv_driver *out, char *err, size_t err_size);
 // The devices of two hands: frames of the second one carry GV_FRAME_SECOND, and what is sent with it goes to
-// the second. Ends with either; the descriptor is the first one's. Takes both over likewise.
-int gv_two_hands_open(gv_driver first, gv_driver second, gv_driver *out, char *err, size_t err_size);
+// the second. one_tracker: POSE frames of both come with the first (a FASTRAK with hand2), and the second
+// one's own are left out. Ends with either; the descriptor is the first one's. Takes both over likewise.
+int gv_two_hands_open(gv_driver first, gv_driver second, bool one_tracker, gv_driver *out, char *err,
+                      size_t err_size);
 
 #ifdef __cplusplus
 }

@@ -198,7 +198,7 @@ enum { FIRST = 2, PER_STATION = 6, FILTERS = 2 };  // units and format; of a sta
 static int station_command(const gv_fastrak_setup *setup, int station, int number,
                            char out[GV_FASTRAK_COMMAND_MAX]) {
   const size_t size = GV_FASTRAK_COMMAND_MAX;
-  const bool on = station == setup->head || station == setup->hand;
+  const bool on = station == setup->head || station == setup->hand || station == setup->hand2;
   const int *h = setup->hemisphere;
   if (number == 0 || !on)
     return snprintf(out, size, "l%d,%d\r", station, on ? 1 : 0);

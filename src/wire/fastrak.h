@@ -59,6 +59,7 @@ typedef struct gv_fastrak_setup {
   gv_fastrak_format format;
   int head, hand;     // stations that are switched on; head 0: none
   int hemisphere[3];  // direction of the half space that the receivers stay in, e.g. {1, 0, 0}
+  int hand2;          // station of a second hand; 0: none
 } gv_fastrak_setup;
 
 #define GV_FASTRAK_STOP "c"  // ends continuous output; sent, and waited for, before the set-up

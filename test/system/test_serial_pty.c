@@ -200,6 +200,31 @@ static void test_fastrak_hand_alone(void) {
   stop();
 }
 
+// One tracker, two hands: station 1 is the second hand's here. Each has counters of its own.
+static void test_fastrak_tells_of_two_hands(void) {
+  gv_frame frame[64];
+  gv_pose_msg pose;
+  int frames[2] = {0, 0};
+  uint8_t next[2] = {0, 0};
+  start(SERIAL_SIM_FASTRAK, 22, "&head=none&hand2=1");
+  for (int ms = 0; ms < 10000 && (frames[0] < 30 || frames[1] < 30); ms++) {
+    rig.now_ns += STEP;
+    exchange_bytes();
+    const int n = rig.driver.poll(rig.driver.self, rig.now_ns, frame, 64);
+    for (int i = 0; i < n; i++) {
+      const int hand = frame[i].flags & GV_FRAME_SECOND ? 1 : 0;
+      frames[hand]++;
+      CHECK(gv_fcu_unpack_pose(&frame[i], &pose) == GV_FCU_OK && pose.receiver == 2, "receiver %d",
+            pose.receiver);
+      CHECK(pose.counter == next[hand]++, "hand %d: counter %d", hand, pose.counter);
+    }
+    sleep_ms(1);
+  }
+  CHECK(frames[0] >= 30 && frames[1] >= 30, "%d and %d frames", frames[0], frames[1]);
+  CHECK(rig.device.station_on[1] && rig.device.station_on[2] && !rig.device.station_on[3], "stations");
+  stop();
+}
+
 static void test_glove_yields_what_was_measured(void) {
   start(SERIAL_SIM_CYBERGLOVE, 22, "");
   check_clean(60);
@@ -514,6 +539,7 @@ static void test_wrong_urls(void) {
     {"serial:/dev/null?type=fastrak&baud", "no name or no value"},
     {"serial:/dev/null?type=fastrak&hand=5", "hand=5 is not known; write one of 1, 2, 3, 4"},
     {"serial:/dev/null?type=fastrak&hand=1&head=1", "both station 1"},
+    {"serial:/dev/null?type=fastrak&hand2=2", "hand2 is station 2"},
     {"serial:/dev/null?type=fastrak&hemisphere=x", "hemisphere=x is not known"},
     {"serial:/dev/null?type=fastrak&baud=9600&baud=9600", "twice"},
     {"serial:/dev/null?type=fastrak&sensors=22", "no parameter of this device"},
@@ -542,6 +568,7 @@ int main(void) {
   RUN(test_fastrak_yields_what_was_measured);
   RUN(test_fastrak_in_ascii);
   RUN(test_fastrak_hand_alone);
+  RUN(test_fastrak_tells_of_two_hands);
   RUN(test_glove_yields_what_was_measured);
   RUN(test_glove_with_18_sensors);
   RUN(test_glove_wide);

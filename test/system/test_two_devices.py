@@ -182,6 +182,8 @@ REFUSED = {
     "no such script": (("--fcu", "sim:", "--fcu2", "sim:none.user"), "none.user"),
     "no such kind": (("--fcu", "sim:", "--fcu2", "cab:can1"), "--fcu2 cab:can1: no such kind of URL"),
     "a bare glove": (("--fcu", "udp://127.0.0.1:1?listen=PORT", "--fcu2", "serial:/dev/null?type=cyberglove"), "--tracker"),
+    "two trackers for one": (("--fcu", "udp://127.0.0.1:1?listen=PORT", "--fcu2", "can:can9", "--tracker", "serial:/dev/ptmx?type=fastrak&hand2=5"),
+                             "hand2=5 is not known"),
     "no value": (("--fcu2",), "--fcu2 needs a value"),
 }
 

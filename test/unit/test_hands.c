@@ -305,7 +305,7 @@ static void test_two_devices_are_one_driver(void) {
   for (int i = 0; i < 2; i++)
     one[i] = (gv_driver){&device[i], fake_poll, fake_send, fake_ended, fake_stats,
                          fake_close, NULL,      0,         fake_tell};
-  CHECK(gv_two_hands_open(one[0], one[1], &both, text, sizeof text) == 0, "%s", text);
+  CHECK(gv_two_hands_open(one[0], one[1], false, &both, text, sizeof text) == 0, "%s", text);
   int own[2] = {0, 0};
   int count = both.poll(both.self, 0, frame, 100);
   for (int i = 0; i < count; i++)

@@ -230,10 +230,10 @@ static void check_commands(const gv_fastrak_setup *setup, const char *expected) 
 }
 
 static void test_fastrak_commands(void) {
-  const gv_fastrak_setup both = {GV_FASTRAK_BINARY, 1, 2, {1, 0, 0}};
+  const gv_fastrak_setup both = {GV_FASTRAK_BINARY, 1, 2, {1, 0, 0}, 0};
   check_commands(&both, "ufl1,1\rH1,1,0,0\rO1,2,11,0\rI1,0\rR1\rb1\rl2,1\rH2,1,0,0\rO2,2,11,0\rI2,"
                         "0\rR2\rb2\rl3,0\rl4,0\rv,1\rx,1\r");
-  const gv_fastrak_setup one = {GV_FASTRAK_ASCII, 0, 4, {0, 0, -1}};
+  const gv_fastrak_setup one = {GV_FASTRAK_ASCII, 0, 4, {0, 0, -1}, 0};
   check_commands(&one, "uFl1,0\rl2,0\rl3,0\rl4,1\rH4,0,0,-1\rO4,2,11,1\rI4,0\rR4\rb4\rv,1\rx,1\r");
 }
 

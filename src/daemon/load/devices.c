@@ -128,6 +128,9 @@ static int add_tracker(const char *url, const gv_pose *T_world_tracker, gv_drive
   return -1;
 }
 
+// A FASTRAK has up to four receivers: its one driver tells of both hands.
+static bool tracks_both(const gv_settings *settings) { return strstr(settings->tracker, "hand2=") != NULL; }
+
 // ---- the second hand's ----------------------------------------------------------------------------------
 
 // "trace:" and "sim:" live in virtual time, the others in the clock's: both hands have one time.
@@ -151,6 +154,14 @@ static int check_channels(const gv_settings *settings, char *err, size_t err_siz
   return -1;
 }
 
+static int check_one_tracker(const gv_settings *settings, char *err, size_t err_size) {
+  if (!tracks_both(settings) || !*settings->tracker2)
+    return 0;
+  snprintf(err, err_size, "--tracker %s tells of both hands already; leave tracker2 out, or hand2",
+           settings->tracker);
+  return -1;
+}
+
 // Names the option that a line speaks of.
 static void say_which(char *err, size_t err_size) {
   char line[512];
@@ -166,9 +177,9 @@ static int open_second(const gv_settings *settings, gv_pace first_pace, gv_drive
   const gv_second_hand *second = &settings->engine.second;
   gv_driver fcu;
   gv_pace pace;
-  if (check_channels(settings, err, err_size))
+  if (check_channels(settings, err, err_size) || check_one_tracker(settings, err, err_size))
     return -1;
-  if (check_tracker(settings->fcu2, settings->tracker2, err, err_size) ||
+  if ((!tracks_both(settings) && check_tracker(settings->fcu2, settings->tracker2, err, err_size)) ||
       open_fcu(settings->fcu2, second->hand.side, &second->calibration, &fcu, &pace, err, err_size)) {
     say_which(err, err_size);
     return -1;
@@ -201,5 +212,5 @@ int gv_device_open(const gv_settings *settings, gv_driver *out, gv_pace *out_pac
   }
   if (!*err)
     snprintf(err, err_size, "%s", said);
-  return gv_two_hands_open(first, second, out, err, err_size);
+  return gv_two_hands_open(first, second, tracks_both(settings), out, err, err_size);
 }
