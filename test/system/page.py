@@ -236,6 +236,27 @@ def check_compare(folder, a, b):
     page.close()
 
 
+def check_two_hands(folder):
+    """Both hands around one bar, live and out of a log."""
+    log = os.path.join(folder, "two.lcm")
+    both = [B + "/gloved", "--scene", "handover", "--no-rt", "--fcu"]
+    subprocess.run([*both, "sim:give_bar?speed=0", "--fcu2", "sim:take_bar?speed=0", "--lcm", "none", "--log", log], check=True,
+                   stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    page = Page(folder, log, address="time=7.8")
+    verdict("a_log_shows_both_hands", "" if page.wait("shown.hands === 2 && shown.forces > 5") else str(page.shown()))
+    page.settle()
+    picture = page.picture("hands")
+    seen = pixels_of(picture, skin)
+    verdict("both_are_seen", "" if seen > 20000 else f"{seen} pixels of skin")
+    page.close()
+    page = Page(folder)
+    daemon = subprocess.Popen([*both, "sim:give_bar", "--fcu2", "sim:take_bar", "--lcm", URL], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    verdict("live_shows_both_hands", "" if page.wait("shown.live && shown.hands === 2", 20) else str(page.shown()))
+    verdict("no_complaint_with_two_hands", "\n".join(page.browser.complaints))
+    stop(daemon)
+    page.close()
+
+
 def check_sliders(folder):
     """The hand of gloved --fcu hand: goes where the sliders say, and closes around the box."""
     page = Page(folder)
@@ -287,9 +308,9 @@ def check_bad_log(folder, log):
 
 
 def main():
-    for check in (check_live, check_sliders, check_head, check_log, check_compare, check_bad_log):
+    for check in (check_live, check_sliders, check_two_hands, check_head, check_log, check_compare, check_bad_log):
         with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
-            logs = [] if check in (check_live, check_sliders, check_head) else [record(folder, "power", "power_box")]
+            logs = [] if check in (check_live, check_sliders, check_two_hands, check_head) else [record(folder, "power", "power_box")]
             check(folder, *logs, *([record(folder, "pinch", "pinch_box")] if check is check_compare else []))
     return 1 if failed else 0
 
