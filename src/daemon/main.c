@@ -14,7 +14,6 @@
 #include "daemon/doctor/doctor.h"
 #include "daemon/load/about.h"
 #include "daemon/load/devices.h"
-#include "daemon/load/output.h"
 #include "daemon/load/replay.h"
 #include "daemon/load/scene_doubts.h"
 #include "daemon/load/scene_thread.h"
@@ -218,51 +217,6 @@ static void fit_limiter(program *p) {
           p->settings.limiter.max_n, p->settings.limiter.pretension_n, p->settings.limiter.slew_n_per_s);
 }
 
-// The file behind a device's scheme, without its options; false: another scheme, or none is named.
-static bool file_of(const char *fcu, const char *scheme, char out[GV_SETTING_TEXT]) {
-  const size_t length = strlen(scheme);
-  const bool is_so = strncmp(fcu, scheme, length) == 0;
-  const char *file = is_so ? fcu + length : "";
-  snprintf(out, GV_SETTING_TEXT, "%.*s", (int)strcspn(file, "?"), file);
-  return *out != '\0';
-}
-
-// Before anything is opened: what is there stays as it is until nothing can fail any more.
-static int check_outputs(program *p) {
-  char trace[GV_SETTING_TEXT];
-  char trace2[GV_SETTING_TEXT];
-  char script[GV_SETTING_TEXT];
-  char found[4096] = "";
-  char found2[4096] = "";
-  char trace_about[GV_SETTING_TEXT + 16] = "";
-  char about[GV_SETTING_TEXT + 16] = "";
-  file_of(p->settings.fcu2, "trace:", trace2);
-  if (file_of(p->settings.fcu2, "sim:", script))
-    gv_data_path(script, "scripts", ".user", found2, sizeof found2);
-  if (file_of(p->settings.fcu, "trace:", trace))
-    snprintf(trace_about, sizeof trace_about, "%s.about", trace);
-  if (file_of(p->settings.fcu, "sim:", script))
-    gv_data_path(script, "scripts", ".user", found, sizeof found);
-  if (p->options.record)
-    snprintf(about, sizeof about, "%s.about", p->options.record);
-  const gv_named_file file[] = {
-    {"--config", p->options.config, false},
-    {"--scene", p->settings.scene, false},
-    {"--fcu trace:", trace, false},
-    {"calibration", p->settings.calibration, false},
-    {"--fcu2 trace:", trace2, false},
-    {"calibration2", p->settings.calibration2, false},
-    {"--fcu2 sim:", found2, false},
-    {"--fcu trace:", trace_about, false},
-    {"--fcu sim:", found, false},
-    {"--summary", p->options.summary, true},
-    {"--record", p->options.record, true},
-    {"--log", p->options.log, true},
-    {"--record", about, true},
-  };
-  return gv_output_check(file, sizeof file / sizeof file[0], p->err, sizeof p->err);
-}
-
 // Within the bounds of the code, but laxer than the default: nobody shall wear the glove without knowing it.
 static void tell_laxer(const program *p) {
   char laxer[GV_LAXER_TEXT];
@@ -306,7 +260,7 @@ static void describe(program *p) {
 static int set_up(program *p) {
   if (gv_options_settings(&p->options, &p->settings, p->err, sizeof p->err))
     return -1;
-  if (check_outputs(p))
+  if (gv_options_outputs(&p->options, &p->settings, p->err, sizeof p->err))
     return -1;
   fit_limiter(p);
   tell_laxer(p);

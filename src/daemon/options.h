@@ -24,6 +24,10 @@ enum { GV_RATE_MIN_HZ = 100, GV_RATE_MAX_HZ = 10000 };
 int gv_options_parse(int argc, char **argv, gv_options *out, char *err, size_t err_size);
 // Defaults, --config, then the options. 0, or negative with one line in err.
 int gv_options_settings(const gv_options *options, gv_settings *out, char *err, size_t err_size);
+// Whether what is to be written can be, and overwrites nothing that is read (load/output.h). Before anything
+// is opened: what is there stays as it is until nothing can fail any more. 0, or negative with one line in
+// err.
+int gv_options_outputs(const gv_options *options, const gv_settings *settings, char *err, size_t err_size);
 // The text of --help.
 const char *gv_options_help(void);
 
