@@ -2,26 +2,47 @@
 // Fuzz entry (libFuzzer, `make fuzz`): the bytes say which frames come to a session over a table, when, and
 // what is in them; counters and checksums are put right, so that they get past the codec. Whatever comes:
 // forces are finite, within the limiter's maximum, rise no faster than its slew, leave only while the safety
-// machine lets them (or on its ramp down), and are gone soon after the dead-man switch opened. Layout: bytes
+// machine lets them (or on its ramp down), and are gone soon after the dead-man switch opened. With two hands
+// (half of the inputs) all that holds of each, and a fault in one lets neither feel anything. Layout: bytes
 // of operations, each followed by what it needs.
 #include "bytes.h"
-#include "daemon/loop/session.h"
+#include "daemon/loop/hands.h"
 #include "support/lab.h"
 
 enum { STEPS_MAX = 400, FRAMES_MAX = 16 };
-enum { GLOVE, POSE, STATUS, PRESS, ANY_FRAME, STEP, MANY_STEPS, STALL, REQUEST, LOST, OPERATIONS };
+enum {
+  GLOVE,
+  POSE,
+  STATUS,
+  PRESS,
+  ANY_FRAME,
+  STEP,
+  MANY_STEPS,
+  STALL,
+  REQUEST,
+  LOST,
+  OTHER_HAND,
+  OPERATIONS
+};
 static const int64_t period_ns = 1000000;
 #define ROUNDING_N 1e-9
 
+// A hand as the judge sees it.
+typedef struct person {
+  uint8_t glove_counter, pose_counter, status_counter;
+  int64_t open_ns;  // since when no force may leave; negative: it may
+  double force_n[GV_FINGERS];
+} person;
+
 typedef struct play {
-  gv_session session;
+  gv_session session[GV_HANDS];
   gv_limiter_config limiter;
   fuzz_bytes bytes;
   gv_frame frame[FRAMES_MAX];
   int frame_count, steps;
-  uint8_t glove_counter, pose_counter, status_counter;
-  int64_t now_ns, told_ns, open_ns;  // open_ns: since when no force may leave; negative: it may
-  double force_n[GV_FINGERS];
+  int hands, hand;  // whose frames come
+  person person[GV_HANDS];
+  int64_t now_ns, told_ns;
 } play;
 
 static lab world;
@@ -39,6 +60,7 @@ static void put_checksum(gv_frame *frame) {
 
 static void add_frame(gv_frame frame) {
   frame.stamp_ns = p.now_ns;
+  frame.flags |= p.hand ? GV_FRAME_SECOND : 0;
   if (p.frame_count < FRAMES_MAX)
     p.frame[p.frame_count++] = frame;
 }
@@ -57,17 +79,17 @@ static void add_press(void) {
   const uint8_t bend = fuzz_byte(&p.bytes);
   const uint8_t flags = fuzz_byte(&p.bytes);
   const uint8_t height = fuzz_byte(&p.bytes);
-  gv_glove_msg glove = {.counter = p.glove_counter++,
-                        .flags = flags & GV_GLOVE_DEAD_MAN,
+  gv_glove_msg glove = {.counter = p.person[p.hand].glove_counter++,
+                        .flags = (uint8_t)((flags & GV_GLOVE_DEAD_MAN) | (p.hand ? GV_GLOVE_LEFT : 0)),
                         .stamp_us = (uint32_t)(p.now_ns / 1000)};
   for (int i = 0; i < GV_SENSORS; i++)
     glove.raw[i] = (uint16_t)gv_calibration_raw(&world.cfg.calibration, i,
                                                 i == GV_INDEX_MPJ ? bend / 160.0 : 0.0);
-  gv_pose_msg pose = {.counter = p.pose_counter++,
+  gv_pose_msg pose = {.counter = p.person[p.hand].pose_counter++,
                       .flags = GV_POSE_VALID,
                       .receiver = GV_RECEIVER_HAND,
                       .stamp_us = (uint32_t)(p.now_ns / 1000),
-                      .T_world_receiver = {{1, 0, 0, 0}, {0, 0, 0.06 + height * 1e-5}}};
+                      .T_world_receiver = {{1, 0, 0, 0}, {0, 0.3 * p.hand, 0.06 + height * 1e-5}}};
   gv_frame frame;
   gv_fcu_pack_glove(&glove, &frame);
   add_frame(frame);
@@ -88,9 +110,11 @@ static void add_any(void) {
 
 // ---- judging ------------------------------------------------------------------------------------------
 
-// Whether some sound frame of this period has the switch open.
-static bool switch_seen_open(void) {
+// Whether some sound frame of this period has the hand's switch open.
+static bool switch_seen_open(int hand) {
   for (int i = 0; i < p.frame_count; i++) {
+    if (p.hands > 1 && ((p.frame[i].flags & GV_FRAME_SECOND) != 0) != (hand > 0))
+      continue;
     gv_glove_msg glove;
     gv_status_msg status;
     if (gv_fcu_unpack_glove(&p.frame[i], &glove) == GV_FCU_OK && !(glove.flags & GV_GLOVE_DEAD_MAN))
@@ -101,19 +125,21 @@ static bool switch_seen_open(void) {
   return false;
 }
 
-static void judge(const gv_frame *command) {
+static void judge(int hand, const gv_frame *command) {
   gv_command_msg msg;
+  person *who = &p.person[hand];
+  const gv_session *session = &p.session[hand];
   const double dt_s = (double)(p.now_ns - p.told_ns) * 1e-9;
-  const bool lets = gv_safety_lets_force_out(&p.session.safety);
+  const bool lets = gv_safety_lets_force_out(&session->safety) && !session->other_in_fault;
   REQUIRE(gv_fcu_unpack_command(command, &msg) == GV_FCU_OK);
   if (lets)
-    p.open_ns = -1;
-  else if (p.open_ns < 0)
-    p.open_ns = p.now_ns;
+    who->open_ns = -1;
+  else if (who->open_ns < 0)
+    who->open_ns = p.now_ns;
   for (int i = 0; i < GV_FINGERS; i++) {
     // A device that heard nothing for so long has let go.
-    const double before_n = dt_s >= GV_DEVICE_WATCHDOG_S ? 0.0 : p.force_n[i];
-    const double force_n = p.session.force_n[i];
+    const double before_n = dt_s >= GV_DEVICE_WATCHDOG_S ? 0.0 : who->force_n[i];
+    const double force_n = session->force_n[i];
     const double rise_n = force_n - before_n;
     REQUIRE(isfinite(force_n) && force_n >= 0.0 && force_n <= p.limiter.max_n);
     REQUIRE(fabs(msg.tension_n[i] - force_n) <= GV_TENSION_LSB_N);
@@ -121,23 +147,37 @@ static void judge(const gv_frame *command) {
             rise_n <= p.limiter.pretension_n);
     if (!lets)
       REQUIRE(rise_n <= ROUNDING_N);
-    if (p.open_ns >= 0 && (double)(p.now_ns - p.open_ns) * 1e-9 > p.limiter.ramp_s)
+    if (who->open_ns >= 0 && (double)(p.now_ns - who->open_ns) * 1e-9 > p.limiter.ramp_s)
       REQUIRE(force_n <= 0.0);
-    p.force_n[i] = force_n;
+    who->force_n[i] = force_n;
+  }
+}
+
+static void judge_all(const gv_frame command[GV_HANDS], const bool open[GV_HANDS]) {
+  const gv_session *at_fault = gv_hands_at_fault(p.session);
+  const uint32_t own = at_fault->safety.faults & ~(uint32_t)GV_FAULT_OTHER_DEVICE;
+  const bool fault = at_fault->safety.state == GV_SAFETY_FAULT && own != 0;
+  for (int i = 0; i < p.hands; i++) {
+    if (open[i])
+      REQUIRE(!gv_safety_lets_force_out(&p.session[i].safety));
+    if (fault)
+      REQUIRE(&p.session[i] == at_fault || p.session[i].other_in_fault);
+    judge(i, &command[i]);
   }
   p.told_ns = p.now_ns;
 }
 
 static void step(unsigned periods_skipped) {
-  gv_frame command;
+  gv_frame command[GV_HANDS];
+  bool open[GV_HANDS];
   if (++p.steps > STEPS_MAX)
     return;
   p.now_ns += period_ns * (1 + (int64_t)periods_skipped);
-  const bool open = switch_seen_open();
-  gv_session_step(&p.session, p.now_ns, p.frame, p.frame_count, periods_skipped, &command);
-  if (open)
-    REQUIRE(!gv_safety_lets_force_out(&p.session.safety));
-  judge(&command);
+  for (int i = 0; i < p.hands; i++)
+    open[i] = switch_seen_open(i);
+  gv_hands_compute(p.session, p.now_ns, p.frame, p.frame_count, periods_skipped);
+  REQUIRE(gv_hands_command(p.session, p.now_ns, command) == p.hands);
+  judge_all(command, open);
   p.frame_count = 0;
 }
 
@@ -145,14 +185,14 @@ static void request(void) {
   gv_request asked = {.kind = (gv_request_kind)(fuzz_byte(&p.bytes) % GV_REQUEST_KINDS)};
   asked.value = GV_REQUEST_COUPLING_MIN +
                 fuzz_byte(&p.bytes) / 255.0 * (GV_REQUEST_COUPLING_MAX - GV_REQUEST_COUPLING_MIN);
-  gv_session_request(&p.session, &asked);
+  gv_hands_request(p.session, &asked);
 }
 
 static void operate(uint8_t operation) {
   switch (operation % OPERATIONS) {
-    case GLOVE: add_sound(GV_ID_GLOVE, 48, &p.glove_counter); break;
-    case POSE: add_sound(GV_ID_POSE, 48, &p.pose_counter); break;
-    case STATUS: add_sound(GV_ID_STATUS, 20, &p.status_counter); break;
+    case GLOVE: add_sound(GV_ID_GLOVE, 48, &p.person[p.hand].glove_counter); break;
+    case POSE: add_sound(GV_ID_POSE, 48, &p.person[p.hand].pose_counter); break;
+    case STATUS: add_sound(GV_ID_STATUS, 20, &p.person[p.hand].status_counter); break;
     case PRESS:
       for (int i = fuzz_byte(&p.bytes) % 64; i >= 0; i--) {
         const fuzz_bytes here = p.bytes;
@@ -170,27 +210,35 @@ static void operate(uint8_t operation) {
       break;
     case STALL: step(fuzz_byte(&p.bytes)); break;
     case REQUEST: request(); break;
-    case LOST: p.glove_counter = (uint8_t)(p.glove_counter + fuzz_byte(&p.bytes)); break;
+    case LOST: p.person[p.hand].glove_counter += fuzz_byte(&p.bytes); break;
+    case OTHER_HAND: p.hand = (p.hand + 1) % p.hands; break;
     default: break;
   }
 }
 
 static void start(const uint8_t *data, size_t size) {
-  const gv_session_config cfg = {.limiter = gv_limiter_config_default(),
-                                 .safety = gv_safety_config_default(),
-                                 .passivity = {size % 2 ? GV_PASSIVITY_ON : GV_PASSIVITY_OFF, 50.0, 2.0},
-                                 .side = GV_RIGHT,
-                                 .period_s = 1e-9 * (double)period_ns};
+  gv_session_config cfg = {.limiter = gv_limiter_config_default(),
+                           .safety = gv_safety_config_default(),
+                           .passivity = {size % 2 ? GV_PASSIVITY_ON : GV_PASSIVITY_OFF, 50.0, 2.0},
+                           .period_s = 1e-9 * (double)period_ns};
   if (world.engine)
     gv_engine_close(world.engine);
   lab_start(&world);
   lab_box(&world, gv_v3(1, 1, 0.1), gv_v3(0, 0, -0.05), 0, 0.8);
+  world.cfg.second = (gv_second_hand){.present = size % 4 >= 2,
+                                      .hand = gv_hand_model_default(GV_LEFT),
+                                      .calibration = world.cfg.calibration,
+                                      .T_receiver_wrist = world.cfg.T_receiver_wrist};
   lab_run(&world);
   memset(&p, 0, sizeof p);
   p.limiter = cfg.limiter;
-  p.open_ns = 0;
   p.bytes = (fuzz_bytes){data, size};
-  gv_session_init(&p.session, &cfg, world.engine);
+  p.hands = gv_engine_hands(world.engine);
+  for (int i = 0; i < p.hands; i++) {
+    cfg.hand = i;
+    cfg.side = i ? GV_LEFT : GV_RIGHT;
+    gv_session_init(&p.session[i], &cfg, world.engine);
+  }
 }
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {

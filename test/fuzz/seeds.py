@@ -52,7 +52,7 @@ def traces():
 
 
 # Operations of fuzz_session.c.
-GLOVE, POSE, STATUS, PRESS, ANY, STEP, MANY, STALL, REQUEST, LOST = range(10)
+GLOVE, POSE, STATUS, PRESS, ANY, STEP, MANY, STALL, REQUEST, LOST, OTHER = range(11)
 
 
 def sessions():
@@ -67,6 +67,12 @@ def sessions():
     put("session", "sound", force + bytes((GLOVE,)) + rng.randbytes(47) + bytes((POSE,)) + rng.randbytes(47) + bytes((STATUS,)) + rng.randbytes(19) + press)
     put("session", "requests", force + b"".join(bytes((REQUEST, kind, 100, STEP)) for kind in range(8)) + press)
     put("session", "lost", force + bytes((LOST, 40)) + press)
+    # Both hands at once, the other one's frames by PRESS of one period each; the length says that there are two.
+    one = lambda bend, dead_man: bytes((PRESS, 0, bend, dead_man, 0))
+    both = lambda bend, dead_man, n: n * (one(bend, dead_man) + bytes((OTHER,)))
+    two = both(0, 0, 40) + both(0, 1, 40) + both(168, 1, 120)
+    for name, rest in (("two", b""), ("two_let_go", both(168, 0, 20)), ("two_silence", 60 * one(168, 1))):
+        put("session", name, two + rest + bytes((STEP,)) * ((2 - len(two + rest)) % 4))
 
 
 def commands():
