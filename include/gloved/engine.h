@@ -80,7 +80,8 @@ typedef struct gv_counters {
 
 typedef struct gv_step_result {
   uint32_t events;               // gv_event bits
-  double tension_n[GV_FINGERS];  // what each tendon should pull, before the limiter (gv_tendon_map)
+  double tension_n[GV_FINGERS];  // what each tendon should pull, before the limiter (gv_tendon_map, then
+                                 // gv_tendon_follow)
   int contact_count;
 } gv_step_result;
 

@@ -19,6 +19,14 @@ extern "C" {
 void gv_tendon_map(const gv_joint_axis joint[GV_SENSORS], const gv_pose T_world_limb[GV_LIMBS],
                    const gv_vec3 f_limb[GV_LIMBS], const gv_vec3 t_limb[GV_LIMBS],
                    double out_tension_n[GV_FINGERS]);
+// What a person may feel of them: a tension rises in a step of dt_s by at most k_n_m (the coupling's k_f)
+// times the way of the fingertip's driver in that step and by GV_RISE_N_PER_S dt_s, and falls at once. So
+// what no motion explains is no jolt: a touch's damper, an edge that a finger slides over, another solver,
+// another coupling. felt_n: of the last step, then of this one, never above asked_n; what is not finite is
+// passed on. Cost: 100 instructions.
+#define GV_RISE_N_PER_S 50.0  // 0.05 N in a millisecond: a change that a person just notices at rest
+void gv_tendon_follow(const double asked_n[GV_FINGERS], const gv_vec3 tip_moved_m[GV_FINGERS], double k_n_m,
+                      double dt_s, double felt_n[GV_FINGERS]);
 // The flexion joints of a finger (sensor numbers) and the tendon's moment arms there, metres.
 int gv_tendon_joints(int finger, int out_sensor[3], double out_arm_m[3]);
 

@@ -150,6 +150,7 @@ static void reset_hand(gv_engine *e, gv_engine_hand *hand) {
   hand->placed = false;
   memset(hand->felt_f, 0, sizeof hand->felt_f);
   memset(hand->felt_t, 0, sizeof hand->felt_t);
+  memset(hand->tension_n, 0, sizeof hand->tension_n);
   gv_dynamics_park_limbs(e->dyn, hand->first_body, true);
 }
 
@@ -346,14 +347,21 @@ static void guard_states(gv_engine *e) {
   }
 }
 
-// What the person should feel: the opposite of the coupling on the limbs, as five tendon tensions.
+// What the person should feel: the opposite of the coupling on the limbs, as five tendon tensions that rise
+// no faster than the fingertips' drivers explain.
 static void feel_coupling(const gv_engine *e, gv_engine_hand *hand, double out_tension_n[GV_FINGERS]) {
+  double asked_n[GV_FINGERS];
+  gv_vec3 tip_moved_m[GV_FINGERS];
   memset(out_tension_n, 0, GV_FINGERS * sizeof *out_tension_n);
   if (!hand->placed)
     return;
   gv_springs_feel(hand->acting, gv_dynamics_state(e->dyn, hand->first_body), hand->driver, hand->ahead,
                   hand->felt_f, hand->felt_t);
-  gv_tendon_map(hand->joint, hand->skeleton, hand->felt_f, hand->felt_t, out_tension_n);
+  gv_tendon_map(hand->joint, hand->skeleton, hand->felt_f, hand->felt_t, asked_n);
+  for (int i = 0; i < GV_FINGERS; i++)
+    tip_moved_m[i] = gv_scale(hand->driver[3 * i + 2].v, e->cfg.step_s);
+  gv_tendon_follow(asked_n, tip_moved_m, e->cfg.limb.k_f, e->cfg.step_s, hand->tension_n);
+  memcpy(out_tension_n, hand->tension_n, sizeof hand->tension_n);
 }
 
 void gv_engine_step_hands(gv_engine *e, const gv_sample sample[], gv_step_result out[]) {

@@ -28,6 +28,7 @@ typedef struct gv_engine_hand {
   gv_joint_axis joint[GV_SENSORS];  // of the driver
   gv_vec3 felt_f[GV_LIMBS], felt_t[GV_LIMBS];  // by the person at the end of the last step: the opposite
                                                // of the coupling
+  double tension_n[GV_FINGERS];                // felt in the last step (gv_tendon_follow)
   bool placed;
   uint32_t events;  // of its sample in this step
 } gv_engine_hand;

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// Limb wrenches to tendon tensions by virtual work. Real-time thread.
+// Limb wrenches to tendon tensions by virtual work, and how fast these may rise. Real-time thread.
 #include "gloved/force.h"
+
+#include <assert.h>
 
 // The exoskeleton lifts the fingertip, square to its pad: the arms are about the distances from the tip to
 // the joints of a half-bent finger, so that a tension of 1 N is felt as about 1 N at the tip.
@@ -55,4 +57,18 @@ void gv_tendon_map(const gv_joint_axis joint[GV_SENSORS], const gv_pose T_world_
     double tension = work / arms;
     out_tension_n[finger] = tension > 0.0 ? tension : 0.0;  // a tendon only pulls; not-a-number becomes 0
   }
+}
+
+// The tip's way is asked for where a tension rises by more than it may anyway, which is seldom.
+static double follow(double asked_n, double last_n, gv_vec3 tip_moved_m, double k_n_m, double anyway_n) {
+  if (!(asked_n - last_n > anyway_n) || !isfinite(asked_n))
+    return asked_n;
+  return fmin(asked_n, last_n + anyway_n + k_n_m * gv_norm(tip_moved_m));
+}
+
+void gv_tendon_follow(const double asked_n[GV_FINGERS], const gv_vec3 tip_moved_m[GV_FINGERS], double k_n_m,
+                      double dt_s, double felt_n[GV_FINGERS]) {
+  assert(k_n_m >= 0.0 && dt_s > 0.0);
+  for (int i = 0; i < GV_FINGERS; i++)
+    felt_n[i] = follow(asked_n[i], felt_n[i], tip_moved_m[i], k_n_m, GV_RISE_N_PER_S * dt_s);
 }

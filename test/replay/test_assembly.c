@@ -225,7 +225,8 @@ static double walls_carry(void) {
 }
 
 // The hand and the walls carry the peg's weight between them: over the hole, in its mouth, and as it is led
-// down at 20 mm/s.
+// down at 20 mm/s. (With QuickStep it sticks in the mouth until it is pressed with 5.7 N, and drops in at
+// 0.2 m/s at 8.8 to 8.9 s: only then is it led.)
 static void check_weight(int ms) {
   run_to(ms);
   const double weight = 0.2 * 9.81;
@@ -242,7 +243,7 @@ static void put_in_the_peg(void) {
   begin("peg", "peg_in_hole");
   check_weight(6800);
   check_weight(8200);
-  check_weight(9000);
+  check_weight(9100);
   run_to(10800);
   const gv_pose before = pose("peg");
   run_to(11500);

@@ -177,9 +177,9 @@ static const struct {
   gv_solver solver;
   uint64_t hash;
 } golden[] = {
-  {GV_SOLVER_AUTO, 0x02ee364f0e9961d3},
-  {GV_SOLVER_DANTZIG, 0x1a1be29fa61d4a0b},
-  {GV_SOLVER_QUICKSTEP, 0x9f9acc1ae4fe876b},
+  {GV_SOLVER_AUTO, 0x5e2436d293601cfd},
+  {GV_SOLVER_DANTZIG, 0x76c552337d31c5d6},
+  {GV_SOLVER_QUICKSTEP, 0x6af7a3d5f0240aad},
 };
 enum { SOLVERS = sizeof golden / sizeof *golden };
 

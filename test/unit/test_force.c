@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 // What lets a force out: the limiter's promises under random input, every transition of the safety machine,
-// and the tendon map against virtual work.
+// the tendon map against virtual work, and how fast its tensions rise.
 #include <string.h>
 
 #include "support/check.h"
@@ -284,6 +284,64 @@ static void test_a_fingertip_force_is_felt(void) {
   CHECK(out[0] == 0 && out[2] == 0, "by that finger alone");
 }
 
+// By k times the tip's way and 50 N/s at the most, at every length of a step.
+static void test_a_tension_rises_as_the_fingertip_moves(void) {
+  static const double step_s[] = {0.0001, 0.001, 0.01};
+  unsigned long long r = 11;
+  int held_back[3] = {0};
+  for (int s = 0; s < 3; s++) {
+    double felt[GV_FINGERS] = {0};
+    for (int i = 0; i < 20000; i++) {
+      double asked[GV_FINGERS], last[GV_FINGERS];
+      gv_vec3 moved[GV_FINGERS];
+      const double k = check_uniform(&r, 0, 1000);
+      memcpy(last, felt, sizeof last);
+      for (int f = 0; f < GV_FINGERS; f++) {
+        asked[f] = fmax(0, last[f] + check_uniform(&r, -150, 150) * step_s[s]);
+        const double way = check_uniform(&r, 0, 0.2) * step_s[s];
+        moved[f] = gv_scale(
+            gv_normalize_or(gv_v3(check_uniform(&r, -1, 1), check_uniform(&r, -1, 1), 0.1), gv_v3(1, 0, 0)),
+            way);
+      }
+      gv_tendon_follow(asked, moved, k, step_s[s], felt);
+      for (int f = 0; f < GV_FINGERS; f++) {
+        const double most = last[f] + k * gv_norm(moved[f]) + 50.0 * step_s[s];
+        CHECK_NEAR(felt[f], fmin(asked[f], most), 1e-12);
+        CHECK(felt[f] <= asked[f] && (asked[f] > last[f] || felt[f] == asked[f]), "%g of %g N", felt[f],
+              asked[f]);
+        held_back[s] += felt[f] < asked[f];
+      }
+    }
+    CHECK(held_back[s] > 1000, "%d steps", held_back[s]);
+  }
+}
+
+// A force that stays is felt in full, a tenth of a second later for each 5 N; none is felt at once.
+static void test_a_tension_falls_at_once_and_is_reached(void) {
+  const gv_vec3 still[GV_FINGERS] = {{0, 0, 0}};
+  const double full[GV_FINGERS] = {5, 5, 5, 5, 5}, none[GV_FINGERS] = {0}, part[GV_FINGERS] = {0, 1, 2, 3, 4};
+  double felt[GV_FINGERS] = {0};
+  for (int i = 0; i < 99; i++)
+    gv_tendon_follow(full, still, 200, dt, felt);
+  CHECK(felt[2] < 5, "%g N", felt[2]);
+  for (int i = 0; i < 2; i++)
+    gv_tendon_follow(full, still, 200, dt, felt);
+  CHECK(memcmp(felt, full, sizeof felt) == 0, "%g N", felt[2]);
+  gv_tendon_follow(part, still, 200, dt, felt);
+  CHECK(memcmp(felt, part, sizeof felt) == 0, "%g N", felt[4]);
+  gv_tendon_follow(none, still, 200, dt, felt);
+  CHECK(memcmp(felt, none, sizeof felt) == 0, "%g N", felt[4]);
+}
+
+// The safety machine must see it.
+static void test_what_is_not_finite_is_not_hidden(void) {
+  const gv_vec3 still[GV_FINGERS] = {{0, 0, 0}};
+  const double odd[GV_FINGERS] = {NAN, INFINITY, 0, 0, 0};
+  double felt[GV_FINGERS] = {0};
+  gv_tendon_follow(odd, still, 200, dt, felt);
+  CHECK(!isfinite(felt[0]) && !isfinite(felt[1]), "%g, %g", felt[0], felt[1]);
+}
+
 int main(void) {
   RUN(test_limiter_never_breaks_its_promises);
   RUN(test_each_channel_has_its_own_limits);
@@ -297,5 +355,8 @@ int main(void) {
   RUN(test_stop_is_final);
   RUN(test_tendon_map_inverts_a_tension);
   RUN(test_a_fingertip_force_is_felt);
+  RUN(test_a_tension_rises_as_the_fingertip_moves);
+  RUN(test_a_tension_falls_at_once_and_is_reached);
+  RUN(test_what_is_not_finite_is_not_hidden);
   return check_done();
 }
