@@ -263,7 +263,7 @@ def page(f):
               "## Stiffer couplings\n", paragraph("""
         The spring between the measured and the simulated finger (`coupling.limb.k_f`) says how hard a surface can feel: the paper has
         200 N/m, a hard surface wants 800 to 1000 (Choi 2004). Everything else is the default; the object is lost where it is below 50 mm of
-        height at any time. The user who moves sways each finger by 30 mrad at 2 Hz and the wrist by 2 mm, with 1 mrad of tremor.
+        height at any time, or its grip has slid by more than 5 mm. The user who moves sways each finger by 30 mrad at 2 Hz and the wrist by 2 mm, with 1 mrad of tremor.
         A person notices some 0.05 N at rest. [How stiff](zwidth.md) maps the same loop over damping, delay, rate and finger. Power grasp of the box, 1 kHz:"""),
               coupling_table(f, "box", 1000), "The same at 5 kHz:\n", coupling_table(f, "box", 5000),
               "![Noise of the thumb's force over the coupling's stiffness](../data/pictures/report-couplings.svg)\n",

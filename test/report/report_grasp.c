@@ -20,6 +20,7 @@ enum { MEMORY = 64 << 20 };
 static const int64_t hold_ns = 9000000000;  // until 0.7 s before the script's end
 static const int64_t series_ns = 20000000;  // between points of the series
 static const double lifted_m = 0.05;        // less: not held
+static const double slid_m = 0.005;         // more, of the point that the hand holds: not held
 static const double deg = 180.0 / GV_PI;
 static _Alignas(64) unsigned char scene_memory[MEMORY], engine_memory[MEMORY];
 static gv_settings settings;
@@ -191,13 +192,14 @@ static double deviation(const measures *m, int finger) {
 }
 
 static void print(uint64_t seed, const measures *m) {
+  const double slip_m = gv_norm(gv_sub(m->grip_last, m->grip_first));
+  const bool held = m->lift_m > lifted_m && slip_m < slid_m;
   double worst_n = 0.0;
   for (int i = 0; i < GV_FINGERS; i++)
     worst_n = fmax(worst_n, deviation(m, i));
-  printf("%d,%d,%.4f,%.4f,%.4f,%.4f,%.3f,%.5f,%.5f,%.3f,%.3g,%.3f\n", (int)seed, m->lift_m > lifted_m,
-         gv_norm(gv_sub(m->grip_last, m->grip_first)) * 1e3, m->way_m * 1e3, m->tilt_rad * deg,
-         m->depth_m * 1e3, m->sum_n[0] / m->held_steps, deviation(m, 0), worst_n, m->force_max_n,
-         m->energy_up_j, m->given_j);
+  printf("%d,%d,%.4f,%.4f,%.4f,%.4f,%.3f,%.5f,%.5f,%.3f,%.3g,%.3f\n", (int)seed, held, slip_m * 1e3,
+         m->way_m * 1e3, m->tilt_rad * deg, m->depth_m * 1e3, m->sum_n[0] / m->held_steps, deviation(m, 0),
+         worst_n, m->force_max_n, m->energy_up_j, m->given_j);
 }
 
 int main(int argc, char **argv) {
