@@ -253,7 +253,13 @@ static void test_can_link(void) {
   fails("CAN link", "/sys/class/net/can0/mtu", NULL);
   snprintf(settings.fcu, sizeof settings.fcu, "sim:");
   passes("CAN link", "/sys/class/net/can0/flags", "0x40c0\n");
+  // The second hand's link counts as well.
+  snprintf(settings.fcu2, sizeof settings.fcu2, "can:can0");
+  fails("CAN link", "/sys/class/net/can0/flags", "0x40c0\n");
   snprintf(settings.fcu, sizeof settings.fcu, "can:can0");
+  snprintf(settings.fcu2, sizeof settings.fcu2, "can:can9");
+  fails("CAN link", "/sys/class/net/can0/operstate", "up\n");
+  settings.fcu2[0] = '\0';
 }
 
 static void test_lcm_route(void) {

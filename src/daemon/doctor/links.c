@@ -46,12 +46,21 @@ static void judge_can(const gv_doctor *doctor, const char *iface, gv_finding *ou
   }
 }
 
+// Of two hands' interfaces the worse one.
 void gv_examine_can(const gv_doctor *doctor, gv_finding *out) {
-  char iface[IFNAMSIZ];
-  if (sscanf(doctor->settings->fcu, "can:%15s", iface) == 1)
+  char iface[IFNAMSIZ], iface2[IFNAMSIZ];
+  const bool first = sscanf(doctor->settings->fcu, "can:%15s", iface) == 1;
+  const bool second = sscanf(doctor->settings->fcu2, "can:%15s", iface2) == 1;
+  gv_finding other = *out;
+  if (first)
     judge_can(doctor, iface, out);
-  else
-    gv_doctor_finds(out, GV_VERDICT_PASS, "not used (--fcu can:IFACE)");
+  if (second)
+    judge_can(doctor, iface2, &other);
+  if (second && (!first || other.verdict > out->verdict))
+    *out = other;
+  if (first || second)
+    return;
+  gv_doctor_finds(out, GV_VERDICT_PASS, "not used (--fcu can:IFACE)");
 }
 
 // ---- LCM -------------------------------------------------------------------------------------------------
@@ -142,7 +151,8 @@ void gv_examine_serial(const gv_doctor *doctor, gv_finding *out) {
   timers t = {0};
   gv_tree_each(doctor, "/sys/bus/usb-serial/devices", "ttyUSB", look_at_line, &t);
   const bool used = t.lines &&
-                    (strstr(doctor->settings->fcu, t.name) || strstr(doctor->settings->tracker, t.name));
+                    (strstr(doctor->settings->fcu, t.name) || strstr(doctor->settings->tracker, t.name) ||
+                     strstr(doctor->settings->fcu2, t.name) || strstr(doctor->settings->tracker2, t.name));
   if (t.lines == 0)
     gv_doctor_finds(out, GV_VERDICT_PASS, "no converter with a latency timer");
   else if (t.slowest_ms <= 1)

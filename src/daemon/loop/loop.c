@@ -19,7 +19,7 @@
 
 enum {
   FINAL_ZERO_COMMANDS = 3,
-  RECORDS_A_STEP = 40,  // 7 engine events, overrun, other hand and state of each hand, 16 requests, and room
+  RECORDS_A_STEP = 48,  // 7 engine events, other hand and state of each hand, overrun, 16 requests, and room
   STEP_RECORDS_A_STEP = GV_LOOP_FRAMES / GV_STEP_FRAMES,
   OVERRUNS_TO_END = 1000000,  // periods: a fault, whatever the limits are
   LOOKS_A_PERIOD = 32,  // at a descriptor that is readable and has no frame of the glove: bounds a flood
@@ -101,16 +101,27 @@ static void push_record(gv_loop *loop, gv_record_kind kind, uint32_t bits) {
 }
 
 // At most one report a second for each kind, so that a noisy event cannot fill the ring.
-static bool may_report(gv_loop *loop, int kind) {
+static bool may_report(gv_loop *loop, int hand, int kind) {
   int64_t step = gv_session_steps(loop->session);
-  if (step < loop->next_report[kind])
+  if (step < loop->next_report[hand][kind])
     return false;
-  loop->next_report[kind] = step + 1000000000 / loop->cfg.period_ns;
+  loop->next_report[hand][kind] = step + 1000000000 / loop->cfg.period_ns;
   return true;
+}
+
+// What happened to the world stands in the events of every hand, and is told with the first.
+static uint32_t events_of(const gv_loop *loop, int hand) {
+  static const uint32_t own = GV_EVENT_HAND_PLACED | GV_EVENT_SAMPLE_REFUSED | GV_EVENT_SAMPLE_JUMP |
+                              GV_EVENT_SAMPLE_NO_POSE;
+  const uint32_t events = loop->session[hand].result.events;
+  return hand ? events & own : events;
 }
 
 static void report_hand(gv_loop *loop, int hand) {
   const gv_session *session = &loop->session[hand];
+  for (uint32_t rest = events_of(loop, hand); rest; rest &= rest - 1)
+    if (may_report(loop, hand, __builtin_ctz(rest)))
+      push_of(loop, hand, GV_RECORD_ENGINE, rest & (~rest + 1), 0);
   if (session->other_hand && !loop->other_hand_reported[hand]) {
     push_of(loop, hand, GV_RECORD_OTHER_HAND, 0, 0);
     loop->other_hand_reported[hand] = true;
@@ -122,21 +133,17 @@ static void report_hand(gv_loop *loop, int hand) {
 }
 
 static void report_events(gv_loop *loop) {
-  const gv_session *session = loop->session;
-  for (uint32_t rest = session->result.events; rest; rest &= rest - 1)
-    if (may_report(loop, __builtin_ctz(rest)))
-      push_record(loop, GV_RECORD_ENGINE, rest & (~rest + 1));
-  if (loop->overruns_now && may_report(loop, REPORT_OVERRUN))
+  if (loop->overruns_now && may_report(loop, 0, REPORT_OVERRUN))
     push_record(loop, GV_RECORD_OVERRUN, loop->overruns_now);
-  if (loop->sync.following != loop->following_reported && may_report(loop, REPORT_SYNC)) {
+  if (loop->sync.following != loop->following_reported && may_report(loop, 0, REPORT_SYNC)) {
     push_record(loop, GV_RECORD_SYNC, loop->sync.following);
     loop->following_reported = loop->sync.following;
   }
-  if (loop->ladder.rung != loop->rung_reported && may_report(loop, REPORT_LADDER)) {
+  if (loop->ladder.rung != loop->rung_reported && may_report(loop, 0, REPORT_LADDER)) {
     push_record(loop, GV_RECORD_LADDER, loop->ladder.rung);
     loop->rung_reported = loop->ladder.rung;
   }
-  for (int i = 0; i < gv_hands_count(session); i++)
+  for (int i = 0; i < gv_hands_count(loop->session); i++)
     report_hand(loop, i);
 }
 
@@ -159,7 +166,8 @@ static void push_snapshot(gv_loop *loop, int hand) {
     return;
   gv_snapshot_fill(&loop->session[hand], loop->object_count, snapshot);
   snapshot->utime = loop->wall_us + loop->now_ns / 1000;
-  snapshot->events = loop->events;
+  snapshot->events = loop->events[hand];
+  loop->events[hand] = 0;
   snapshot->missed_deadlines = loop->missed_deadlines;
   snapshot->overruns = loop->overruns;
   snapshot->ring_dropped = gv_ring_dropped(&loop->snapshots);
@@ -171,7 +179,6 @@ static void push_snapshot(gv_loop *loop, int hand) {
 static void push_snapshots(gv_loop *loop) {
   for (int i = gv_hands_count(loop->session) - 1; i >= 0; i--)
     push_snapshot(loop, i);
-  loop->events = 0;
 }
 
 static void push_steps(gv_loop *loop, int64_t wake_ns, int64_t work_ns) {
@@ -209,7 +216,8 @@ static void obey_requests(gv_loop *loop) {
 
 static void tell(gv_loop *loop, int64_t step) {
   const int64_t every = 1000000000 / GV_SNAPSHOT_HZ / loop->cfg.period_ns;
-  loop->events |= loop->session->result.events;
+  for (int i = 0; i < gv_hands_count(loop->session); i++)
+    loop->events[i] |= events_of(loop, i);
   report_events(loop);
   if (every <= 1 || step % every == 0)
     push_snapshots(loop);
@@ -545,7 +553,7 @@ void gv_loop_change_scene(gv_loop *loop, int object_count) {
   loop->heap_calls_before = atomic_load(&loop->heap_calls);
   loop->page_faults_before = loop->page_faults;
   loop->overruns_now = 0;
-  loop->events = 0;
+  memset(loop->events, 0, sizeof loop->events);
   loop->scene_accepted = false;
   atomic_store(&loop->scene_asked, false);
   atomic_store(&loop->exit, GV_EXIT_RUNNING);

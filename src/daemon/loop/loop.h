@@ -90,22 +90,22 @@ typedef struct gv_loop {
   uint64_t heap_calls_before;  // of the threads before this one
   gv_page_faults page_faults_before;
   // The loop's own.
-  bool scene_accepted;       // the loop is to end for it
-  int64_t number;            // of the period, over all scenes
-  int strict_errno;          // why the kernel refused `strict`
-  unsigned refusals_before;  // of the process, before the thread started
-  unsigned overruns_now;     // periods skipped just before this step
-  int64_t wall_us;           // us since 1970 when session time was 0
-  int commands;              // a period (gv_loop_commands)
-  int64_t repeats;           // of the command since the last step
-  int64_t sent_ns;           // CLOCK_MONOTONIC of the last command
-  int64_t now_ns;            // session time of this step or repeat
-  int64_t step_ns;           // its number x period
-  uint32_t events;           // engine events since the last snapshot
+  bool scene_accepted;        // the loop is to end for it
+  int64_t number;             // of the period, over all scenes
+  int strict_errno;           // why the kernel refused `strict`
+  unsigned refusals_before;   // of the process, before the thread started
+  unsigned overruns_now;      // periods skipped just before this step
+  int64_t wall_us;            // us since 1970 when session time was 0
+  int commands;               // a period (gv_loop_commands)
+  int64_t repeats;            // of the command since the last step
+  int64_t sent_ns;            // CLOCK_MONOTONIC of the last command
+  int64_t now_ns;             // session time of this step or repeat
+  int64_t step_ns;            // its number x period
+  uint32_t events[GV_HANDS];  // engine events since the last snapshot
   gv_safety_state state_reported[GV_HANDS];
   bool other_hand_reported[GV_HANDS], following_reported;
-  int64_t next_report[32];  // step before which an engine event bit is not reported again; 29:
-                            // ladder, 30: sync, 31: overruns
+  int64_t next_report[GV_HANDS][32];  // step before which an engine event bit is not reported again; 29:
+                                      // ladder, 30: sync, 31: overruns
   gv_sync sync;
   gv_ladder ladder;
   gv_rung rung_reported, rung_recorded;

@@ -36,6 +36,15 @@ static void say_switch(const gv_status *s, line *out) {
       again ? " (let go of it, then press it again, to feel a force)" : "");
 }
 
+static void say_second(const gv_status *s, line *out) {
+  const gv_second_told *second = s->second;
+  if (!*s->about->fcu2)
+    say(out, "none");
+  else
+    say(out, "%s%s%s, switch %s", gv_safety_name(second->safety), second->faults ? ": " : "",
+        second->faults ? gv_fault_text(second->faults) : "", second->dead_man ? "held" : "open");
+}
+
 static void say_scene(const gv_status *s, line *out) {
   say(out, "%s (%016" PRIx64 ", %d objects)", s->about->scene.name, s->about->scene.hash,
       s->snapshot->object_count);
@@ -103,6 +112,7 @@ static const struct {
   {"device", say_device},
   {"tracker", say_tracker},
   {"hand", say_hand},
+  {"second-hand", say_second},
   {"coupling", say_coupling},
   {"friction", say_friction},
   {"limits", say_limits},

@@ -9,10 +9,18 @@
 
 enum { GV_STATUS_BYTES = 4000 };
 
+// Of a second hand's newest snapshot.
+typedef struct gv_second_told {
+  gv_safety_state safety;
+  uint32_t faults;
+  bool dead_man;
+} gv_second_told;
+
 typedef struct gv_status {
   const gv_about *about;
   const gv_settings *settings;  // as the run began
   const gv_snapshot *snapshot;  // the newest; coupling and friction are its
+  const gv_second_told *second;
   double received_hz, sent_hz;  // frames, of the last second
   const char *log;              // the LCM log that is being written; empty: none
 } gv_status;

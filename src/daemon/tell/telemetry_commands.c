@@ -73,6 +73,7 @@ void gv_telemetry_answer_questions(gv_telemetry *telemetry, const gv_snapshot *s
   const gv_status status = {.about = telemetry->about,
                             .settings = telemetry->settings,
                             .snapshot = snapshot,
+                            .second = &telemetry->second_told,
                             .received_hz = telemetry->rates.received_hz,
                             .sent_hz = telemetry->rates.sent_hz,
                             .log = telemetry->log ? telemetry->log_name : ""};

@@ -361,6 +361,7 @@ void gv_telemetry_snapshot(gv_telemetry *telemetry, const gv_snapshot *snapshot)
   send_state(telemetry, snapshot);
   if (snapshot->hand) {
     gv_drake_update_second(&telemetry->viewer.drake, snapshot);
+    telemetry->second_told = (gv_second_told){snapshot->safety, snapshot->faults, snapshot->dead_man};
     return;
   }
   if (gv_telemetry_is_due(&telemetry->next_stats_us, snapshot->utime, STATS_US))

@@ -110,6 +110,7 @@ struct gv_telemetry {
   gv_request question[QUESTIONS];  // what is in force: answered from the next snapshot
   int questions;
   gv_telemetry_rates rates;
+  gv_second_told second_told;
   char why[GV_REQUEST_WHY];  // the last refusal
   char log_name[GV_SETTING_TEXT];
   int64_t listened_ns, next_stats_us, next_about_us;
