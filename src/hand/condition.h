@@ -5,7 +5,8 @@
 // The filter's corner goes up with the speed of what it filters: f = min(filter_hz, filter_rest_hz + slope
 // |speed|). A hand that rests is still, although its glove counts in steps of 16 mrad; a hand that moves is
 // followed at once. A ramp of speed s comes 1 / (pi f) late: the hand is never more than 1 / (pi slope)
-// behind because of a low corner: 7 mrad for a joint and 3.2 mm for the wrist, whatever its speed.
+// behind because of a low corner: 7 mrad for a joint and 3.2 mm for the wrist, whatever its speed. Where the
+// fingers are observed the corner of a joint that has moved comes down slowly (0.4 s).
 #ifndef GLOVED_HAND_CONDITION_H
 #define GLOVED_HAND_CONDITION_H
 
@@ -46,7 +47,9 @@ typedef struct gv_condition {
   double pose_news_s;              // and since the last pose that was another than the one before
   double pace[GV_SENSORS];         // rates without their noise: they choose the corners
   gv_vec3 pace_v, pace_w;
+  double lively[GV_SENSORS];                // sizes of the joints' paces; with the observer they last a while
   double pace_share;                        // of the way from pace to rate that a step takes
+  double lively_share;                      // of such a pace that is left after a step; 0: none
   double corner_per_rad_s, corner_per_m_s;  // corners that a pace of 1 lifts by
   gv_decay corner[GV_CORNERS];
   unsigned why;  // gv_sample_refusal bits of the last sample
