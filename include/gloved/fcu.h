@@ -20,6 +20,8 @@ enum {
   GV_ID_STATUS = 0x0A0,         // device -> engine, FD 20 bytes
   GV_ID_EFFORT = 0x0F0,         // in recordings alone: how much of a step the engine does from here on,
                                 // FD 8 bytes
+  GV_ID_PULL = 0x0F1,           // in recordings alone, with finger.observer: what pulled the fingers before
+                                // this step, FD 48 bytes
   GV_ID_GLOVE = 0x110,          // device -> engine, FD 48 bytes
   GV_ID_POSE = 0x120            // device -> engine, FD 48 bytes
 };
@@ -79,12 +81,20 @@ typedef struct gv_effort_msg {
   uint8_t counter, rung;
 } gv_effort_msg;
 
+// PULL: 4-7 zero | 8-47 five tensions in N, IEEE 754, little-endian. Live they hang on the clock; a replay
+// gives the observer of the fingers what it got then.
+typedef struct gv_pull_msg {
+  uint8_t counter;
+  double tension_n[GV_FINGERS];
+} gv_pull_msg;
+
 // Values out of range are clamped to the field (a not-a-number tension becomes 0). stamp_ns is not set.
 void gv_fcu_pack_glove(const gv_glove_msg *msg, gv_frame *out);
 void gv_fcu_pack_pose(const gv_pose_msg *msg, gv_frame *out);
 void gv_fcu_pack_status(const gv_status_msg *msg, gv_frame *out);
 void gv_fcu_pack_command(const gv_command_msg *msg, gv_frame *out);
 void gv_fcu_pack_effort(const gv_effort_msg *msg, gv_frame *out);
+void gv_fcu_pack_pull(const gv_pull_msg *msg, gv_frame *out);
 
 // 0, or why the frame is refused.
 typedef enum gv_fcu_error {
@@ -99,6 +109,7 @@ gv_fcu_error gv_fcu_unpack_pose(const gv_frame *frame, gv_pose_msg *out);  // qu
 gv_fcu_error gv_fcu_unpack_status(const gv_frame *frame, gv_status_msg *out);
 gv_fcu_error gv_fcu_unpack_command(const gv_frame *frame, gv_command_msg *out);
 gv_fcu_error gv_fcu_unpack_effort(const gv_frame *frame, gv_effort_msg *out);
+gv_fcu_error gv_fcu_unpack_pull(const gv_frame *frame, gv_pull_msg *out);
 const char *gv_fcu_error_text(gv_fcu_error error);
 
 // CRC-16/CCITT-FALSE (poly 0x1021, start 0xffff, no reflection).

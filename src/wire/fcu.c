@@ -6,7 +6,14 @@
 #include <assert.h>
 #include <string.h>
 
-enum { GLOVE_BYTES = 48, POSE_BYTES = 48, STATUS_BYTES = 20, COMMAND_BYTES = 20, EFFORT_BYTES = 8 };
+enum {
+  GLOVE_BYTES = 48,
+  POSE_BYTES = 48,
+  STATUS_BYTES = 20,
+  COMMAND_BYTES = 20,
+  EFFORT_BYTES = 8,
+  PULL_BYTES = 48
+};
 enum { GLOVE_BIT = 80, STATUS_BIT = 80, COMMAND_BIT = 64, FIELD_BITS = 12, FIELD_MAX = 4095 };
 _Static_assert(GLOVE_BIT + GV_SENSORS * FIELD_BITS <= 8 * GLOVE_BYTES, "the sensors fit their frame");
 _Static_assert(STATUS_BIT + GV_FINGERS * FIELD_BITS <= 8 * STATUS_BYTES, "the tensions fit their frame");
@@ -234,6 +241,44 @@ gv_fcu_error gv_fcu_unpack_effort(const gv_frame *frame, gv_effort_msg *out) {
   if (d[1] > 2 || !all_zero(d + 4, 4))
     return GV_FCU_WRONG_VALUE;
   *out = (gv_effort_msg){.counter = d[0], .rung = d[1]};
+  return GV_FCU_OK;
+}
+
+static void put_double(uint8_t *out, double value) {
+  uint64_t bits;
+  memcpy(&bits, &value, sizeof bits);
+  put_u32(out, (uint32_t)bits);
+  put_u32(out + 4, (uint32_t)(bits >> 32));
+}
+
+static double get_double(const uint8_t *in) {
+  const uint64_t bits = get_u32(in) | (uint64_t)get_u32(in + 4) << 32;
+  double value;
+  memcpy(&value, &bits, sizeof value);
+  return value;
+}
+
+void gv_fcu_pack_pull(const gv_pull_msg *msg, gv_frame *out) {
+  start_frame(out, GV_ID_PULL, PULL_BYTES, msg->counter, 0);
+  for (int i = 0; i < GV_FINGERS; i++)
+    put_double(out->data + 8 + 8 * i, msg->tension_n[i]);
+  finish_frame(out);
+}
+
+gv_fcu_error gv_fcu_unpack_pull(const gv_frame *frame, gv_pull_msg *out) {
+  gv_fcu_error error = check_frame(frame, GV_ID_PULL, PULL_BYTES);
+  if (error)
+    return error;
+  const uint8_t *d = frame->data;
+  gv_pull_msg msg = {.counter = d[0]};
+  for (int i = 0; i < GV_FINGERS; i++) {
+    msg.tension_n[i] = get_double(d + 8 + 8 * i);
+    if (!(msg.tension_n[i] >= 0.0 && msg.tension_n[i] <= FIELD_MAX * GV_TENSION_LSB_N))
+      return GV_FCU_WRONG_VALUE;
+  }
+  if (d[1] || !all_zero(d + 4, 4))
+    return GV_FCU_WRONG_VALUE;
+  *out = msg;
   return GV_FCU_OK;
 }
 

@@ -77,11 +77,15 @@ def run(folder, scripts, fault=None, options=()):
         return devices, said.read()
 
 
-def test_a_bar_goes_from_hand_to_hand(tmp_path):
+@pytest.mark.parametrize("observer", ("false", "true"))
+def test_a_bar_goes_from_hand_to_hand(tmp_path, observer):
     folder = str(tmp_path)
+    conf = os.path.join(folder, "two.conf")
+    with open(conf, "w", encoding="utf-8") as file:
+        file.write(f"version = 1;\nfinger = {{ observer = {observer}; }};\n")
     log, record, summary = (os.path.join(folder, name) for name in ("log.lcm", "record", "summary"))
     devices, said = run(folder, ("data/scripts/give_bar.user", "data/scripts/take_bar.user"),
-                        options=("--scene", "handover", "--log", log, "--record", record, "--summary", summary, "--duration", "11.7"))
+                        options=("--config", conf, "--scene", "handover", "--log", log, "--record", record, "--summary", summary, "--duration", "11.7"))
     for device in devices:
         assert device.report["over_max"] == 0 and device.report["over_slew"] == 0, device.report
         assert 0.5 < device.largest_n() < 6, f"{device.largest_n()} N"
@@ -93,10 +97,10 @@ def test_a_bar_goes_from_hand_to_hand(tmp_path):
     print(f"figure a period of both hands, live: median {told['step_us']['p50']:.0f} us, p99 {told['step_us']['p99']:.0f} us; "
           f"{told['missed_deadlines']} missed of {told['steps']}")
     check_log(log)
-    check_replay(record, told["state_hash"])
+    check_replay(record, told["state_hash"], conf)
     trace = os.path.join(folder, "from-log")
     subprocess.run([sys.executable, "tools/log_to_trace.py", log, trace], check=True, stdout=subprocess.DEVNULL)
-    replay = subprocess.run([B + "/gloved", "--fcu", f"trace:{trace}?speed=0", "--lcm", "none"], stdout=subprocess.PIPE, text=True, check=True)
+    replay = subprocess.run([B + "/gloved", "--fcu", f"trace:{trace}?speed=0", "--lcm", "none", "--config", conf], stdout=subprocess.PIPE, text=True, check=True)
     assert f"state hash {told['state_hash']}" in replay.stdout, replay.stdout
 
 
@@ -119,13 +123,13 @@ def check_log(path):
     assert {"hand", "glove", "hand2", "glove2"} <= folders, folders
 
 
-def check_replay(record, state_hash):
+def check_replay(record, state_hash, conf):
     """The recording alone: it knows that it is of two hands, and which interface is whose."""
     with open(record, encoding="utf-8") as file:
         interfaces = {line.split()[1] for line in file}
     assert interfaces == {"can0", "can1"}, interfaces
-    replay = subprocess.run([B + "/gloved", "--fcu", f"trace:{record}?speed=0", "--lcm", "none"], stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
-                            text=True, check=True)
+    replay = subprocess.run([B + "/gloved", "--fcu", f"trace:{record}?speed=0", "--lcm", "none", "--config", conf], stdout=subprocess.PIPE,
+                            stderr=subprocess.STDOUT, text=True, check=True)
     assert f"state hash {state_hash}" in replay.stdout, replay.stdout
     assert "second hand: largest forces" in replay.stdout, replay.stdout
     one = subprocess.run([B + "/gloved", "--fcu", f"trace:{record}?iface=can1&speed=0", "--lcm", "none", "--scene", "data/scenes/handover.scene"],

@@ -701,6 +701,38 @@ static void test_command_tells_its_sample(void) {
 }
 
 // Random bytes, random ids, broken copies of sound frames: every command decodes and stays in its limits.
+// A live loop that is late, with the observer of the fingers: the tensions that it reckons with hang on the
+// clock. With them in the recording's frames, a replay that knows no clock gives the same bits; without,
+// others.
+static gv_pull_msg pulls[500];
+
+static uint64_t observed_hash(bool late, bool replay) {
+  start();
+  gv_engine_close(world.engine);
+  world.cfg.finger.observed = true;
+  lab_run(&world);
+  session.engine = world.engine;
+  session.cfg.replay = replay;
+  for (int i = 0; i < 500; i++) {
+    gv_frame frame[3] = {glove(i < 50 ? 0.0 : 1.05, i < 25 ? 0 : GV_GLOVE_DEAD_MAN, 0),
+                         pose(GV_RECEIVER_HAND, 0.06, GV_POSE_VALID)};
+    const unsigned skipped = late && i >= 300 && i % 50 == 0 ? 6 : 0;
+    gv_fcu_pack_pull(&pulls[i], &frame[2]);
+    now_ns += (1 + skipped) * MS;
+    gv_session_step(&session, now_ns, frame, replay ? 3 : 2, skipped, &command);
+    memcpy(pulls[i].tension_n, session.sample.tension_n, sizeof pulls[i].tension_n);
+  }
+  return gv_engine_hash(world.engine);
+}
+
+static void test_a_late_loop_with_an_observer_replays_to_the_same_bits(void) {
+  const uint64_t live = observed_hash(true, false);
+  CHECK(observed_hash(false, true) == live, "a replay differs");
+  CHECK(session.frames.foreign == 0 && session.frames.rx == 1000,
+        "a PULL frame counts as one of the device's");
+  CHECK(observed_hash(false, false) != live, "the clock makes no difference: this tests nothing");
+}
+
 static void test_random_frames(void) {
   unsigned long long random = 11;
   press_until_force();
@@ -757,6 +789,7 @@ int main(void) {
   RUN(test_stalls);
   RUN(test_stop_ramps_to_zero);
   RUN(test_command_tells_its_sample);
+  RUN(test_a_late_loop_with_an_observer_replays_to_the_same_bits);
   RUN(test_random_frames);
   return check_done();
 }

@@ -430,6 +430,20 @@ static void record_rung(gv_loop *loop) {
   loop->rung_recorded = rung;
 }
 
+// And what pulled the fingers, where an observer reckons with it: in a live loop that hangs on the clock.
+static void record_pull(gv_loop *loop) {
+  if (loop->cfg.pace != GV_PACE_LIVE || !gv_engine_config(loop->session->engine)->finger.observed)
+    return;
+  for (int i = 0; i < gv_hands_count(loop->session); i++) {
+    gv_frame *frame = &loop->frame[loop->frame_count++];
+    gv_pull_msg msg = {.counter = loop->pull_counter[i]++};
+    memcpy(msg.tension_n, loop->session[i].sample.tension_n, sizeof msg.tension_n);
+    gv_fcu_pack_pull(&msg, frame);
+    frame->stamp_ns = loop->now_ns;
+    frame->flags |= i ? GV_FRAME_SECOND : 0;
+  }
+}
+
 // ---- a period --------------------------------------------------------------------------------------------
 
 // One step. due_ns: when it should have begun.
@@ -443,6 +457,7 @@ static void step_once(gv_loop *loop, gv_rung rung, int64_t due_ns, int64_t start
   gv_hands_compute(loop->session, loop->now_ns, loop->frame, loop->frame_count, overruns);
   const int64_t computed_ns = clock_ns(CLOCK_MONOTONIC);
   record_rung(loop);
+  record_pull(loop);
   record_frames(loop, loop->frame, loop->frame_count, loop->step_ns);
   loop->repeats = 0;
   send_command(loop, loop->step_ns);

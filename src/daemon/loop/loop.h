@@ -110,7 +110,8 @@ typedef struct gv_loop {
   gv_ladder ladder;
   gv_rung rung_reported, rung_recorded;
   uint8_t effort_counter;
-  gv_frame frame[GV_LOOP_FRAMES + 1];  // of this step; and the EFFORT frame of recordings
+  uint8_t pull_counter[GV_HANDS];
+  gv_frame frame[GV_LOOP_FRAMES + 1 + GV_HANDS];  // of this step; and EFFORT and PULL of recordings
   int frame_count;
   gv_snapshot snapshot_slot[GV_LOOP_SNAPSHOTS];
   gv_record record_slot[GV_LOOP_RECORDS];

@@ -187,9 +187,21 @@ static gv_fcu_error take_effort(gv_session *session, const gv_frame *frame) {
   return error;
 }
 
+static gv_fcu_error take_pull(gv_session *session, const gv_frame *frame) {
+  gv_pull_msg msg;
+  gv_fcu_error error = gv_fcu_unpack_pull(frame, &msg);
+  if (error)
+    return error;
+  memcpy(session->sample.tension_n, msg.tension_n, sizeof session->sample.tension_n);
+  session->pull_recorded = true;
+  return GV_FCU_OK;
+}
+
 static void take_frame(gv_session *session, const gv_frame *frame, int64_t now_ns) {
   gv_fcu_error error = GV_FCU_OK;
   if (frame->id == GV_ID_EFFORT && session->cfg.replay && take_effort(session, frame) == GV_FCU_OK)
+    return;
+  if (frame->id == GV_ID_PULL && session->cfg.replay && take_pull(session, frame) == GV_FCU_OK)
     return;
   session->frames.rx++;
   switch (frame->id) {
@@ -223,7 +235,8 @@ static void fill_sample(gv_session *session) {
   for (int i = 0; i < GV_SENSORS; i++)
     session->sample.raw[i] = session->glove.raw[i];
   session->sample.T_world_receiver = session->hand.T_world_receiver;
-  memcpy(session->sample.tension_n, session->force_n, sizeof session->sample.tension_n);
+  if (!session->pull_recorded)
+    memcpy(session->sample.tension_n, session->force_n, sizeof session->sample.tension_n);
 }
 
 static bool all_finite(const double value[GV_FINGERS]) {
@@ -383,6 +396,7 @@ void gv_session_take(gv_session *session, int64_t now_ns, const gv_frame *frame,
                          : 0.0;
   session->stepped_ns = now_ns;
   session->sample.glove_new = session->sample.pose_new = session->told = false;
+  session->pull_recorded = false;
   forget_what_was_heard(session);
   take_frames(session, frame, count, now_ns);
   fill_sample(session);

@@ -31,7 +31,7 @@ typedef struct gv_session_config {
   gv_passivity_config passivity;
   gv_side side;      // a glove for the other hand is not used
   int hand;          // of the engine's: 0, or 1 for the second
-  bool replay;       // frames of a recording: its EFFORT frames are obeyed
+  bool replay;       // frames of a recording: its EFFORT and PULL frames are obeyed
   double period_s;   // of one gv_session_step
   double command_s;  // between two commands, where they are sent more often than the engine steps; 0:
                      // period_s
@@ -81,6 +81,7 @@ typedef struct gv_session {
   bool disarmed;           // by request: the dead-man switch counts as open until it really is
   bool other_in_fault;     // of two hands: the other one's device is (hands.h)
   gv_sample sample;        // what the engine got last
+  bool pull_recorded;      // in a replay, for this step: sample.tension_n is the recording's
   gv_step_result result;   // what it answered
   double glove_age_s, hand_age_s, status_age_s;  // at the last command; infinite before the first message
   double force_n[GV_FINGERS];                    // what left through the limiter
