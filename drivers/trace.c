@@ -63,6 +63,14 @@ static bool is_id(const gv_frame *frame, uint32_t id) {
   return frame->id == id && !(frame->flags & (GV_FRAME_EXTENDED | GV_FRAME_ERROR));
 }
 
+// No step of the engine stands behind this command: it repeats the last one's, or brings the force down after
+// it. In a recording it may have a stamp up to a period later, and another step there would be one too many.
+static bool is_without_step(const gv_frame *line) {
+  gv_command_msg msg;
+  return gv_fcu_unpack_command(line, &msg) == GV_FCU_OK &&
+         msg.flags & (GV_COMMAND_REPEAT | GV_COMMAND_ENDING);
+}
+
 // iface: "": of every interface. All frames of the log but our own commands, classic ones joined. Stamps
 // count from the log's first line, and its last one is the end: the engine's steps before the first frame and
 // after the last belong to a recording.
@@ -75,7 +83,8 @@ static int load_frames(trace *t, gv_log *log, const char *iface, char *err, size
   while ((got = gv_log_next(log, &line, err, err_size)) > 0) {
     if (start_ns < 0)
       start_ns = line.stamp_ns;
-    t->end_ns = line.stamp_ns - start_ns;
+    if (!is_without_step(&line))
+      t->end_ns = line.stamp_ns - start_ns;
     if (*iface && strcmp(iface, log->iface) != 0)
       continue;
     if (!gv_classic_take(&join, &line, &frame) || is_id(&frame, GV_ID_FORCE_COMMAND))

@@ -92,9 +92,10 @@ void gv_log_close(gv_log *log);
 // "FILE[?iface=NAME]", a candump -L log, plain or gzip; with iface the frames of that interface alone, on the
 // clock of the whole log (a recording of two hands has two). The whole file is read and checked on opening
 // (an error names file, line, what, what to do; a file without a GLOVE frame is refused). Stamps are made to
-// start at 0 with the first line and the recording ends with the last; frames that the engine itself sent
-// (FORCE_COMMAND) are kept out of the stream, frames of classic CAN joined. The clock is whatever now_ns the
-// caller passes. A last line that broke off counts as `bad`. What is sent counts as `tx` and goes nowhere.
+// start at 0 with the first line and the recording ends with the last but for commands behind which there is
+// no step (gloved/fcu.h); frames that the engine itself sent (FORCE_COMMAND) are kept out of the stream,
+// frames of classic CAN joined. The clock is whatever now_ns the caller passes. A last line that broke off
+// counts as `bad`. What is sent counts as `tx` and goes nowhere.
 int gv_trace_open(const char *url, gv_driver *out, char *err, size_t err_size);
 // Stamp of the last line (the recording's length); -1: this driver is no recording alone.
 int64_t gv_trace_length_ns(const gv_driver *trace);

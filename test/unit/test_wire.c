@@ -515,6 +515,36 @@ static void test_trace_cut_by_a_crash(void) {
   d.close(d.self);
 }
 
+// A recording at 4 kHz that ended while forces were held: repeats and the ramp are no steps.
+static void test_a_recording_ends_with_its_last_step(void) {
+  static char text[4000];
+  static const struct {
+    int us, flags;  // of a command; flags below 0: a glove
+  } line[] = {{0, -1},
+              {0, GV_COMMAND_ENABLE},
+              {250, -1},
+              {250, GV_COMMAND_ENABLE},
+              {498, GV_COMMAND_REPEAT},
+              {498, GV_COMMAND_ENDING}};
+  size_t size = 0;
+  for (size_t i = 0; i < sizeof line / sizeof *line; i++) {
+    gv_frame f;
+    if (line[i].flags < 0)
+      gv_fcu_pack_glove(&(gv_glove_msg){.counter = (uint8_t)i}, &f);
+    else
+      gv_fcu_pack_command(&(gv_command_msg){.counter = (uint8_t)i, .flags = (uint8_t)line[i].flags}, &f);
+    f.stamp_ns = 1000000000 + line[i].us * 1000LL;
+    size += (size_t)gv_log_format(&f, "can0", text + size);
+  }
+  gv_driver d;
+  char err[400] = "";
+  CHECK(gv_trace_open(write_file("held.log", text, size), &d, err, sizeof err) == 0, "%s", err);
+  if (err[0])
+    return;
+  CHECK(gv_trace_length_ns(&d) == 250000, "%lld ns", (long long)gv_trace_length_ns(&d));
+  d.close(d.self);
+}
+
 // Opening must fail with one line that has both words.
 static void expect_error(const char *path, const char *place, const char *word) {
   gv_driver d;
@@ -962,6 +992,7 @@ int main(void) {
   RUN(test_log_accepts_and_refuses);
   RUN(test_can_utils_read_our_logs);
   RUN(test_trace_plays_its_frames);
+  RUN(test_a_recording_ends_with_its_last_step);
   RUN(test_trace_cut_by_a_crash);
   RUN(test_trace_refusals);
   RUN(test_trace_small_steps_back);
