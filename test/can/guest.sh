@@ -131,23 +131,4 @@ if [ -x "${CANNELLONI:-}" ]; then
   finish
   kill $bridge
 fi
-
-# Two hands, each with a bus of its own; the second one's goes down while both press.
-device_options=
-ip link add dev vcan2 type vcan && ip link set vcan2 mtu 72 up
-{ echo 'hand left'; sed 's/wrist -0.3 0 0.06/wrist -0.3 0.3 0.06/' test/can/press.user; } >/tmp/press_left.user
-candump -L vcan0 vcan2 >$log/two_bus.log & dump=$!
-begin two vcan0 press 20 --fcu2 can:vcan2 --record $log/two_record.log
-"$B/fcusim" --can vcan2 --script /tmp/press_left.user --report $log/two_left.fcusim.json >$log/two_left.fcusim 2>&1 & second=$!
-# Until it goes down under a force that no stall of the guest has ended before.
-for press in 1 2 3 4; do
-  await '[0-9] s  safety: armed -> active' 0 $press; await 'second hand: safety: armed -> active' 0 $press
-  ip link set vcan2 down
-  sleep 0.5; [ "$(said "fault: the other hand's device")" -eq 0 ] || break
-  ip link set vcan2 up
-done
-kill $second; wait $second; stop; kill $dump
-replay two_record.log two_replay
-"$B/gloved" --config test/can/slow.conf --check --fcu "trace:$log/two_bus.log?iface=vcan0" --fcu2 "trace:$log/two_bus.log?iface=vcan2" >$log/two_bus.gloved 2>&1
-echo $? >$log/two_bus.code
 mkdir -p "$out" && cp $log/* "$out/"
