@@ -70,14 +70,18 @@ static int64_t now_ns(void) {
 
 // ---- messages -----------------------------------------------------------------------------------------
 
+static void keep_state(const gloved_state_t *message, gloved_state_t **io_kept) {
+  gloved_state_t *copy = gloved_state_t_copy(message);
+  if (*io_kept)
+    gloved_state_t_destroy(*io_kept);
+  *io_kept = copy;
+}
+
 static void on_state(const lcm_recv_buf_t *buffer, const char *channel, const gloved_state_t *message,
                      void *user) {
   (void)buffer, (void)channel;
   top *t = user;
-  gloved_state_t *copy = gloved_state_t_copy(message);
-  if (t->state)
-    gloved_state_t_destroy(t->state);
-  t->state = copy;
+  keep_state(message, &t->state);
   t->heard_ns = now_ns();
   t->states++;
 }
@@ -85,11 +89,7 @@ static void on_state(const lcm_recv_buf_t *buffer, const char *channel, const gl
 static void on_second(const lcm_recv_buf_t *buffer, const char *channel, const gloved_state_t *message,
                       void *user) {
   (void)buffer, (void)channel;
-  top *t = user;
-  gloved_state_t *copy = gloved_state_t_copy(message);
-  if (t->second)
-    gloved_state_t_destroy(t->second);
-  t->second = copy;
+  keep_state(message, &((top *)user)->second);
 }
 
 static void on_stats(const lcm_recv_buf_t *buffer, const char *channel, const gloved_stats_t *message,

@@ -233,6 +233,19 @@ static void test_a_held_period_lets_both_go(void) {
   CHECK(force_n(RIGHT) < before_n, "%g N", force_n(RIGHT));
 }
 
+// Where steps are far apart, a doubt does not wait for the next one.
+static void test_a_doubt_between_two_steps_lets_both_go(void) {
+  press_with_both();
+  gv_frame frame[FRAMES];
+  break_glove(LEFT);
+  put_frames(LEFT, frame);
+  now_ns += MS;
+  const double before_n = force_n(RIGHT);
+  gv_hands_heed(session, frame, FRAMES);
+  gv_hands_command(session, now_ns, command);
+  CHECK(force_n(RIGHT) < before_n && force_n(LEFT) < before_n, "%g and %g N", force_n(RIGHT), force_n(LEFT));
+}
+
 // ---- requests -------------------------------------------------------------------------------------------
 
 static void test_requests(void) {
@@ -339,6 +352,7 @@ int main(void) {
   RUN(test_silence_of_one_lets_both_go);
   RUN(test_both_come_back);
   RUN(test_a_held_period_lets_both_go);
+  RUN(test_a_doubt_between_two_steps_lets_both_go);
   RUN(test_requests);
   RUN(test_stop);
   RUN(test_two_devices_are_one_driver);

@@ -28,6 +28,11 @@ static void mark(int hand, gv_frame *command) {
 
 // ---- a fault in one -------------------------------------------------------------------------------------
 
+// A doubt that waits for the next step, which will be a fault.
+static bool is_in_doubt(const gv_session *session) {
+  return gv_safety_lets_force_out(&session->safety) && session->doubts_heard != 0;
+}
+
 static bool is_in_fault(const gv_session *session) {
   return session->safety.state == GV_SAFETY_FAULT &&
          (session->safety.faults & ~(uint32_t)GV_FAULT_OTHER_DEVICE) != 0;
@@ -38,7 +43,7 @@ static void tell_each_other(gv_session session[]) {
   for (int i = 0; i < gv_hands_count(session); i++) {
     session[i].other_in_fault = false;
     for (int k = 0; k < gv_hands_count(session); k++)
-      session[i].other_in_fault |= k != i && is_in_fault(&session[k]);
+      session[i].other_in_fault |= k != i && (is_in_fault(&session[k]) || is_in_doubt(&session[k]));
   }
 }
 
@@ -87,6 +92,7 @@ void gv_hands_heed(gv_session session[], const gv_frame *frame, int count) {
   gv_frame own[GV_HANDS_FRAMES];
   for (int i = 0; i < gv_hands_count(session); i++)
     gv_session_heed(&session[i], own, frames_of(session, i, frame, count, own));
+  tell_each_other(session);
 }
 
 int gv_hands_command(gv_session session[], int64_t now_ns, gv_frame out[GV_HANDS]) {
