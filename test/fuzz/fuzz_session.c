@@ -113,7 +113,7 @@ static void add_any(void) {
 // Whether some sound frame of this period has the hand's switch open.
 static bool switch_seen_open(int hand) {
   for (int i = 0; i < p.frame_count; i++) {
-    if (p.hands > 1 && ((p.frame[i].flags & GV_FRAME_SECOND) != 0) != (hand > 0))
+    if (((p.frame[i].flags & GV_FRAME_SECOND) != 0) != (hand > 0))
       continue;
     gv_glove_msg glove;
     gv_status_msg status;

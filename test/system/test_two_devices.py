@@ -188,6 +188,8 @@ REFUSED = {
     "a bare glove": (("--fcu", "udp://127.0.0.1:1?listen=PORT", "--fcu2", "serial:/dev/null?type=cyberglove"), "--tracker"),
     "two trackers for one": (("--fcu", "udp://127.0.0.1:1?listen=PORT", "--fcu2", "can:can9", "--tracker", "serial:/dev/ptmx?type=fastrak&hand2=5"),
                              "hand2=5 is not known"),
+    "a tracker of two for one": (("--fcu", "udp://127.0.0.1:1?listen=PORT", "--tracker", "serial:/dev/ptmx?type=fastrak&hand2=3"),
+                                "a second hand that has no device"),
     "no value": (("--fcu2",), "--fcu2 needs a value"),
 }
 

@@ -129,7 +129,9 @@ static int add_tracker(const char *url, const gv_pose *T_world_tracker, gv_drive
 }
 
 // A FASTRAK has up to four receivers: its one driver tells of both hands.
-static bool tracks_both(const gv_settings *settings) { return strstr(settings->tracker, "hand2=") != NULL; }
+static bool tracks_both(const gv_settings *settings) {
+  return strstr(settings->tracker, "hand2=") && !strstr(settings->tracker, "hand2=none");
+}
 
 // ---- the second hand's ----------------------------------------------------------------------------------
 
@@ -155,9 +157,12 @@ static int check_channels(const gv_settings *settings, char *err, size_t err_siz
 }
 
 static int check_one_tracker(const gv_settings *settings, char *err, size_t err_size) {
-  if (!tracks_both(settings) || !*settings->tracker2)
+  if (!tracks_both(settings) || (*settings->fcu2 && !*settings->tracker2))
     return 0;
-  snprintf(err, err_size, "--tracker %s tells of both hands already; leave tracker2 out, or hand2",
+  snprintf(err, err_size,
+           *settings->fcu2 ? "--tracker %s tells of both hands already; leave tracker2 out, or hand2"
+                           : "--tracker %s tells of a second hand that has no device; add --fcu2, or leave "
+                             "hand2 out",
            settings->tracker);
   return -1;
 }
@@ -177,7 +182,7 @@ static int open_second(const gv_settings *settings, gv_pace first_pace, gv_drive
   const gv_second_hand *second = &settings->engine.second;
   gv_driver fcu;
   gv_pace pace;
-  if (check_channels(settings, err, err_size) || check_one_tracker(settings, err, err_size))
+  if (check_channels(settings, err, err_size))
     return -1;
   if ((!tracks_both(settings) && check_tracker(settings->fcu2, settings->tracker2, err, err_size)) ||
       open_fcu(settings->fcu2, second->hand.side, &second->calibration, &fcu, &pace, err, err_size)) {
@@ -196,7 +201,8 @@ static int open_second(const gv_settings *settings, gv_pace first_pace, gv_drive
 int gv_device_open(const gv_settings *settings, gv_driver *out, gv_pace *out_pace, char *err,
                    size_t err_size) {
   gv_driver fcu, first, second;
-  if (check_tracker(settings->fcu, settings->tracker, err, err_size) ||
+  if (check_one_tracker(settings, err, err_size) ||
+      check_tracker(settings->fcu, settings->tracker, err, err_size) ||
       gv_fcu_open(settings, &fcu, out_pace, err, err_size) ||
       add_tracker(settings->tracker, &settings->T_world_tracker, fcu, &first, err, err_size))
     return -1;

@@ -10,13 +10,12 @@ int gv_hands_count(const gv_session session[]) { return gv_engine_hands(session[
 
 static int hand_of(const gv_frame *frame) { return frame->flags & GV_FRAME_SECOND ? 1 : 0; }
 
-// The frames of one hand in their order; with one hand all are its.
-static int frames_of(const gv_session session[], int hand, const gv_frame *frame, int count,
-                     gv_frame out[GV_HANDS_FRAMES]) {
+// The frames of one hand in their order.
+static int frames_of(int hand, const gv_frame *frame, int count, gv_frame out[GV_HANDS_FRAMES]) {
   int own = 0;
   assert(count >= 0 && count <= GV_HANDS_FRAMES);
   for (int i = 0; i < count; i++)
-    if (gv_hands_count(session) == 1 || hand_of(&frame[i]) == hand)
+    if (hand_of(&frame[i]) == hand)
       out[own++] = frame[i];
   return own;
 }
@@ -59,7 +58,7 @@ const gv_session *gv_hands_at_fault(const gv_session session[]) {
 static void take(gv_session session[], int64_t now_ns, const gv_frame *frame, int count) {
   gv_frame own[GV_HANDS_FRAMES];
   for (int i = 0; i < gv_hands_count(session); i++)
-    gv_session_take(&session[i], now_ns, own, frames_of(session, i, frame, count, own));
+    gv_session_take(&session[i], now_ns, own, frames_of(i, frame, count, own));
 }
 
 static void step_engine(gv_session session[]) {
@@ -84,14 +83,14 @@ void gv_hands_compute(gv_session session[], int64_t now_ns, const gv_frame *fram
 void gv_hands_hold(gv_session session[], int64_t now_ns, const gv_frame *frame, int count) {
   gv_frame own[GV_HANDS_FRAMES];
   for (int i = 0; i < gv_hands_count(session); i++)
-    gv_session_hold(&session[i], now_ns, own, frames_of(session, i, frame, count, own));
+    gv_session_hold(&session[i], now_ns, own, frames_of(i, frame, count, own));
   tell_each_other(session);
 }
 
 void gv_hands_heed(gv_session session[], const gv_frame *frame, int count) {
   gv_frame own[GV_HANDS_FRAMES];
   for (int i = 0; i < gv_hands_count(session); i++)
-    gv_session_heed(&session[i], own, frames_of(session, i, frame, count, own));
+    gv_session_heed(&session[i], own, frames_of(i, frame, count, own));
   tell_each_other(session);
 }
 
